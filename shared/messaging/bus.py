@@ -1,0 +1,248 @@
+"""The bus: one Zenoh session as publishers, subscribers, commands and queries on channels. Alone in importing zenoh."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+import time
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
+
+import zenoh
+
+from shared.errors import BusError, RefusedError
+from shared.messaging.channels import ALIVE, Channel, Delivery
+from shared.messaging.codec import MIME, decode, encode, schema_of
+from shared.messaging.inbox import Inbox, Parcel
+from shared.messaging.messages import Message
+from shared.runtime.config import BusConfig
+
+M = TypeVar("M", bound=Message)
+
+_DROP_AFTER_US = 50_000
+"""How long a LATEST message may wait for room on its link before it is dropped: half a LiDAR period."""
+_QUERY_TIMEOUT_S = 2.0
+
+
+class Bus:
+    """A session that talks in channels and messages.
+
+    Raises:
+        BusError: the router at `config.endpoint` cannot be reached within `connect_timeout_s`.
+    """
+
+    def __init__(self, config: BusConfig, *, is_stopping: Callable[[], bool] = lambda: False) -> None:
+        _wait_for_router(config, is_stopping)
+        try:
+            self._session = zenoh.open(_client_settings(config))
+        except zenoh.ZError as error:
+            raise BusError(f"cannot open a session on {config.endpoint}: {error}") from error
+        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._kept: dict[str, tuple[bytes, str]] = {}
+        self._declared: list[Any] = []
+
+    # ---- what a service does
+
+    def advertise(self, channel: Channel) -> None:
+        """Declares that this session publishes the channel; a kept channel also answers queries from now on."""
+        congestion = zenoh.CongestionControl
+        is_latest = channel.delivery is Delivery.LATEST
+        self._publishers[channel.key] = self._session.declare_publisher(
+            channel.key_expr,
+            encoding=f"{MIME};{schema_of(channel.message)}",
+            congestion_control=congestion.DROP if is_latest else congestion.BLOCK,
+        )
+        if channel.is_kept:
+            self._declared.append(
+                self._session.declare_queryable(channel.key_expr, lambda query: self._answer_kept(channel, query))
+            )
+
+    def publish(self, channel: Channel, message: Message) -> None:
+        """Sends a message on an advertised channel."""
+        payload = encode(message)
+        self._publishers[channel.key].put(payload)
+        if channel.is_kept:
+            self._kept[channel.key] = (payload, f"{MIME};{schema_of(channel.message)}")
+
+    def subscribe(self, channel: Channel, inbox: Inbox, *, is_observer: bool = False) -> None:
+        """Lets what comes on the channel into the inbox: messages, commands as queries, and the last kept message.
+
+        is_observer: commands that come as queries are seen, but their answer is left to who carries them out.
+        """
+
+        def on_sample(sample: zenoh.Sample) -> None:
+            inbox.put(_parcel(channel, str(sample.key_expr), sample.payload, sample.encoding))
+
+        self._declared.append(self._session.declare_subscriber(channel.key_expr, on_sample))
+        if channel.is_command:
+            self._declared.append(
+                self._session.declare_queryable(
+                    channel.key_expr,
+                    lambda query: _take_query(channel, query, inbox, is_observer=is_observer),
+                )
+            )
+        if channel.is_kept and channel.delivery is Delivery.EVERY:
+
+            def on_reply(reply: zenoh.Reply) -> None:
+                if (sample := reply.ok) is not None:
+                    key = str(sample.key_expr)
+                    inbox.put(_parcel(channel, key, sample.payload, sample.encoding, is_replay=True))
+
+            self._session.get(channel.key_expr, on_reply, timeout=_QUERY_TIMEOUT_S)
+
+    def announce(self, name: str) -> None:
+        """Holds the liveliness token of this service until the bus is closed."""
+        self._declared.append(self._session.liveliness().declare_token(ALIVE.replace("*", name)))
+
+    # ---- what a person or a program does
+
+    def ask(self, channel: Channel, message_type: type[M], timeout_s: float = _QUERY_TIMEOUT_S) -> M | None:
+        """The last message of a kept channel from its publisher, or None if nobody answers in time.
+
+        Raises:
+            CodecError: the answer is not such a message.
+        """
+        for reply in self._session.get(channel.key_expr, timeout=timeout_s):
+            if (sample := reply.ok) is not None:
+                return decode(message_type, sample.payload.to_bytes(), schema=_schema(sample.encoding))
+        return None
+
+    def command(self, channel: Channel, message: Message, timeout_s: float = _QUERY_TIMEOUT_S) -> None:
+        """Sends a command and waits until the robot accepts it.
+
+        Raises:
+            RefusedError: with the reason the robot gives.
+            BusError: nobody answers.
+        """
+        for reply in self._session.get(channel.key_expr, payload=encode(message), timeout=timeout_s):
+            if (refusal := reply.err) is not None:
+                raise RefusedError(refusal.payload.to_string())
+            return
+        raise BusError(f"nobody answers on {channel.key_expr}: is the simulation running?")
+
+    def alive(self, timeout_s: float = _QUERY_TIMEOUT_S) -> set[str]:
+        """Names of the services that are ready now."""
+        replies = self._session.liveliness().get(ALIVE, timeout=timeout_s)
+        return {str(reply.ok.key_expr).rsplit("/", 1)[-1] for reply in replies if reply.ok is not None}
+
+    def close(self) -> None:
+        """Undeclares everything and closes the session. Idempotent; must be called, or the process hangs at exit."""
+        for declared in [*self._declared, *self._publishers.values()]:
+            with contextlib.suppress(zenoh.ZError):
+                declared.undeclare()
+        self._declared.clear()
+        self._publishers.clear()
+        if not self._session.is_closed():
+            self._session.close()  # type: ignore[no-untyped-call]
+
+    def __enter__(self) -> Bus:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _answer_kept(self, channel: Channel, query: zenoh.Query) -> None:
+        with query:
+            if (kept := self._kept.get(channel.key)) is not None:
+                query.reply(channel.key_expr, kept[0], encoding=kept[1])
+
+
+@contextlib.contextmanager
+def open_router(endpoint: str) -> Iterator[None]:
+    """A Zenoh router inside this process, listening on `endpoint` alone.
+
+    Raises:
+        BusError: the endpoint is taken or not valid.
+    """
+    settings = zenoh.Config()
+    settings.insert_json5("mode", '"router"')
+    settings.insert_json5("listen/endpoints", json.dumps([endpoint]))
+    settings.insert_json5("scouting/multicast/enabled", "false")
+    settings.insert_json5("timestamping/enabled", "true")
+    try:
+        session = zenoh.open(settings)
+    except zenoh.ZError as error:
+        raise BusError(f"cannot listen on {endpoint}: {error}") from error
+    try:
+        yield
+    finally:
+        session.close()  # type: ignore[no-untyped-call]
+
+
+def is_reachable(endpoint: str) -> bool:
+    """Whether somebody accepts connections at a `tcp/HOST:PORT` endpoint; other transports are taken as reachable."""
+    protocol, _, address = endpoint.partition("/")
+    if protocol != "tcp":
+        return True
+    host, _, port = address.rpartition(":")
+    try:
+        with socket.create_connection((host.strip("[]"), int(port)), timeout=1.0):
+            return True
+    except (OSError, ValueError):
+        return False
+
+
+def _wait_for_router(config: BusConfig, is_stopping: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + config.connect_timeout_s
+    while not is_reachable(config.endpoint):
+        if is_stopping():
+            raise BusError("stopped while waiting for the router")
+        if time.monotonic() > deadline:
+            raise BusError(
+                f"no router at {config.endpoint} after {config.connect_timeout_s:g} s: "
+                "start one with `hyrecro router`, or set bus.endpoint"
+            )
+        time.sleep(0.05)
+
+
+def _client_settings(config: BusConfig) -> zenoh.Config:
+    settings = zenoh.Config()
+    settings.insert_json5("mode", '"client"')
+    settings.insert_json5("connect/endpoints", json.dumps([config.endpoint]))
+    settings.insert_json5("connect/timeout_ms", str(int(config.connect_timeout_s * 1000)))
+    settings.insert_json5("scouting/multicast/enabled", "false")
+    settings.insert_json5("timestamping/enabled", "true")
+    settings.insert_json5("transport/link/tx/queue/congestion_control/drop/wait_before_drop", str(_DROP_AFTER_US))
+    settings.insert_json5("transport/shared_memory/enabled", json.dumps(config.shared_memory_mib > 0))
+    if config.shared_memory_mib:
+        pool = config.shared_memory_mib * 1024 * 1024
+        settings.insert_json5("transport/shared_memory/transport_optimization/pool_size", str(pool))
+    if config.namespace:
+        settings.insert_json5("namespace", json.dumps(config.namespace))
+    return settings
+
+
+def _schema(encoding: zenoh.Encoding) -> str | None:
+    mime, _, schema = str(encoding).partition(";")
+    return schema if mime == MIME and schema else None
+
+
+def _parcel(
+    channel: Channel, key: str, payload: zenoh.ZBytes, encoding: zenoh.Encoding, *, is_replay: bool = False
+) -> Parcel:
+    # The bytes are copied here: a ZBytes kept in the queue would hold a piece of the sender's shared memory.
+    schema = _schema(encoding)
+    return Parcel(channel, key, payload.to_bytes(), schema, time.monotonic_ns(), is_replay=is_replay)
+
+
+def _take_query(channel: Channel, query: zenoh.Query, inbox: Inbox, *, is_observer: bool) -> None:
+    if query.payload is None:
+        with query:
+            if not is_observer:
+                query.reply_err("send the command as the payload of the query")
+        return
+
+    def reply(is_accepted: bool, reason: str) -> None:
+        with query:
+            if is_accepted:
+                query.reply(channel.key_expr, json.dumps({"accepted": True}), encoding="application/json")
+            else:
+                query.reply_err(reason, encoding="text/plain")
+
+    payload, key, now_ns = query.payload.to_bytes(), str(query.key_expr), time.monotonic_ns()
+    if is_observer:
+        query.drop()  # type: ignore[no-untyped-call]
+        inbox.put(Parcel(channel, key, payload, None, now_ns))
+    elif not inbox.put(Parcel(channel, key, payload, None, now_ns, reply=reply)):
+        reply(False, "too many commands are waiting")

@@ -1,0 +1,180 @@
+"""The channel table: every key, what it carries, how it travels, how it is recorded. Nothing else names a key."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, replace
+
+from shared.messaging import messages as m
+
+PREFIX = "hyrecro/"
+ALIVE = PREFIX + "alive/*"
+"""Liveliness tokens: one a service, held while it is ready."""
+
+
+class Delivery(enum.Enum):
+    """What an ordinary subscriber gets: the newest only, or every message."""
+
+    LATEST = "latest"
+    EVERY = "every"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Channel:
+    """One line of the table.
+
+    key: below `hyrecro/`. rate_hz: None = as it happens. is_command: people and programs send it to the robot, also as
+    JSON, and a query on it is answered with accepted or the reason of refusal. is_kept: the publisher keeps the last
+    message and answers queries with it, so that a late joiner gets it. topic, ros_type: where it stands in a recording.
+    """
+
+    key: str
+    message: type[m.Message]
+    delivery: Delivery
+    ros_type: str
+    rate_hz: float | None = None
+    is_command: bool = False
+    is_kept: bool = False
+    is_recorded: bool = True
+    topic: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "topic", self.topic or "/" + self.key)
+
+    @property
+    def key_expr(self) -> str:
+        """The whole Zenoh key expression."""
+        return PREFIX + self.key
+
+    def of(self, service: str) -> Channel:
+        """The concrete channel of one service, for a key that ends in `*`."""
+        return replace(self, key=self.key.replace("*", service), topic=self.topic.replace("*", service))
+
+
+LATEST, EVERY = Delivery.LATEST, Delivery.EVERY
+
+JOINTS_TARGET = Channel(
+    key="joints/target", message=m.JointTarget, delivery=EVERY, ros_type="sensor_msgs/msg/JointState", is_command=True
+)
+LEG_TARGET = Channel(
+    key="leg/target", message=m.LegTarget, delivery=EVERY, ros_type="std_msgs/msg/String", is_command=True
+)
+JOINTS_STATE = Channel(
+    key="joints/state",
+    message=m.JointState,
+    delivery=LATEST,
+    ros_type="sensor_msgs/msg/JointState",
+    rate_hz=100.0,
+    is_kept=True,
+)
+LEG_STATE = Channel(
+    key="leg/state",
+    message=m.LegState,
+    delivery=EVERY,
+    ros_type="hyrecro_msgs/msg/LegState",
+    rate_hz=10.0,
+    is_kept=True,
+)
+TF = Channel(
+    key="tf", message=m.Transforms, delivery=LATEST, ros_type="tf2_msgs/msg/TFMessage", rate_hz=100.0, is_kept=True
+)
+TF_STATIC = Channel(
+    key="tf_static", message=m.Transforms, delivery=EVERY, ros_type="tf2_msgs/msg/TFMessage", is_kept=True
+)
+CLOCK = Channel(key="clock", message=m.Clock, delivery=LATEST, ros_type="rosgraph_msgs/msg/Clock", rate_hz=100.0)
+ROBOT_DESCRIPTION = Channel(
+    key="robot_description", message=m.RobotDescription, delivery=EVERY, ros_type="std_msgs/msg/String", is_kept=True
+)
+FIXED_FOOT_DESCRIPTION = Channel(
+    key="fixed_foot_description",
+    message=m.FixedFootDescription,
+    delivery=EVERY,
+    ros_type="std_msgs/msg/String",
+    is_kept=True,
+    topic="/fixed_foot/robot_description",  # Rerun takes a String for a URDF if its topic has this name in it
+)
+STRUCTURE_DESCRIPTION = Channel(
+    key="structure_description",
+    message=m.StructureDescription,
+    delivery=EVERY,
+    ros_type="std_msgs/msg/String",
+    is_kept=True,
+    topic="/world/robot_description",
+)
+LIDAR_POINTS = Channel(
+    key="lidar/points", message=m.LidarScan, delivery=LATEST, ros_type="sensor_msgs/msg/PointCloud2", rate_hz=10.0
+)
+MAP_ODOMETRY = Channel(
+    key="map/odometry",
+    message=m.Odometry,
+    delivery=EVERY,
+    ros_type="nav_msgs/msg/Odometry",
+    rate_hz=10.0,
+    is_kept=True,
+)
+MAP_CLOUD = Channel(
+    key="map/cloud",
+    message=m.PointCloud,
+    delivery=LATEST,
+    ros_type="sensor_msgs/msg/PointCloud2",
+    rate_hz=1.0,
+    is_kept=True,
+)
+MAP_STATUS = Channel(
+    key="map/status",
+    message=m.MapStatus,
+    delivery=EVERY,
+    ros_type="hyrecro_msgs/msg/MapStatus",
+    rate_hz=10.0,
+    is_kept=True,
+)
+EVAL_METRICS = Channel(
+    key="eval/metrics",
+    message=m.TrackingMetrics,
+    delivery=LATEST,
+    ros_type="hyrecro_msgs/msg/TrackingMetrics",
+    rate_hz=1.0,
+    is_kept=True,
+)
+EVENTS = Channel(key="events", message=m.Event, delivery=EVERY, ros_type="rcl_interfaces/msg/Log")
+HEALTH = Channel(
+    key="health/*",
+    message=m.Health,
+    delivery=LATEST,
+    ros_type="diagnostic_msgs/msg/DiagnosticArray",
+    rate_hz=1.0,
+    is_kept=True,
+)
+
+CHANNELS: tuple[Channel, ...] = (
+    JOINTS_TARGET,
+    LEG_TARGET,
+    JOINTS_STATE,
+    LEG_STATE,
+    TF,
+    TF_STATIC,
+    CLOCK,
+    ROBOT_DESCRIPTION,
+    FIXED_FOOT_DESCRIPTION,
+    STRUCTURE_DESCRIPTION,
+    LIDAR_POINTS,
+    MAP_ODOMETRY,
+    MAP_CLOUD,
+    MAP_STATUS,
+    EVAL_METRICS,
+    EVENTS,
+    HEALTH,
+)
+
+
+def channel_of_key(key: str) -> Channel | None:
+    """The channel a concrete key belongs to, or None. A prefix set by Zenoh's `namespace` may stand before it."""
+    start = key.find(PREFIX)
+    name = key[start + len(PREFIX) :] if start >= 0 else ""
+    for channel in CHANNELS:
+        if channel.key == name:
+            return channel
+        stem = channel.key.removesuffix("*")
+        if stem != channel.key and name.startswith(stem) and "/" not in name[len(stem) :] and name != stem:
+            return channel.of(name[len(stem) :])
+    return None

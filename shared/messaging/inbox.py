@@ -1,0 +1,86 @@
+"""Where Zenoh's threads leave bytes for a service's one loop: bounded, ordered by arrival, losses counted."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from shared.messaging.channels import Channel, Delivery
+
+LATEST_DEPTH = 2
+EVERY_DEPTH = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Parcel:
+    """Bytes that came for a channel, not yet decoded.
+
+    key: the concrete key expression. received_ns: monotonic time. is_replay: an answer to our own query for the last
+    message, which may also come, or have come, by itself. reply: where a query wants its answer (accepted, text).
+    """
+
+    channel: Channel
+    key: str
+    payload: bytes
+    schema: str | None
+    received_ns: int
+    is_replay: bool = False
+    reply: Callable[[bool, str], None] | None = None
+
+
+class Inbox:
+    """LATEST channels keep the newest `LATEST_DEPTH` parcels; others up to `EVERY_DEPTH`, or `max_bytes` if lossless.
+
+    `num_dropped` counts, by key, what had to go: superseded by newer (LATEST) or refused because full (EVERY).
+    """
+
+    def __init__(self, *, max_bytes: int | None = None) -> None:
+        self.num_dropped: Counter[str] = Counter()
+        self._is_lossless = max_bytes is not None
+        self._bytes_left = max_bytes or 0
+        self._arrivals: deque[Parcel] = deque()
+        self._pending: Counter[str] = Counter()
+        self._changed = threading.Condition()
+
+    def put(self, parcel: Parcel) -> bool:
+        """Takes a parcel, or returns False where it is full. Called on Zenoh's threads; never waits for the service."""
+        with self._changed:
+            if not self._make_room(parcel):
+                self.num_dropped[parcel.key] += 1
+                return False
+            self._arrivals.append(parcel)
+            self._pending[parcel.key] += 1
+            self._changed.notify()
+            return True
+
+    def take(self, timeout_s: float) -> Parcel | None:
+        """The oldest parcel, waiting for one at most `timeout_s`; None if none came."""
+        deadline = time.monotonic() + timeout_s
+        with self._changed:
+            while not self._arrivals:
+                remaining = deadline - time.monotonic()
+                if remaining <= 0 or not self._changed.wait(remaining):
+                    return None
+            parcel = self._arrivals.popleft()
+            self._pending[parcel.key] -= 1
+            if self._is_lossless:
+                self._bytes_left += len(parcel.payload)
+            return parcel
+
+    def _make_room(self, parcel: Parcel) -> bool:
+        if self._is_lossless:
+            if len(parcel.payload) > self._bytes_left:
+                return False
+            self._bytes_left -= len(parcel.payload)
+            return True
+        if parcel.channel.delivery is Delivery.EVERY or parcel.is_replay:
+            return self._pending[parcel.key] < EVERY_DEPTH
+        if self._pending[parcel.key] >= LATEST_DEPTH:
+            oldest = next(waiting for waiting in self._arrivals if waiting.key == parcel.key)
+            self._arrivals.remove(oldest)
+            self._pending[parcel.key] -= 1
+            self.num_dropped[parcel.key] += 1
+        return True

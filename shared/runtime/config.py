@@ -1,0 +1,168 @@
+"""The typed configuration: what can be set, in which unit, in which range. Loading is in `config_loading`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+
+from shared.messaging.messages import Foot
+
+
+def _existing_file(path: Path, info: ValidationInfo) -> Path:
+    folders = [Path((info.context or {}).get("base_dir", CONFIGS_DIR)), CONFIGS_DIR]
+    for folder in folders:
+        if (folder / path).is_file():
+            return (folder / path).resolve()
+    raise ValueError(f"no such file: {path} (looked in {' and '.join(dict.fromkeys(map(str, folders)))})")
+
+
+CONFIGS_DIR = Path(__file__).parents[2] / "configs"
+
+InputFile = Annotated[Path, AfterValidator(_existing_file)]
+"""A file that exists; a relative path is looked up in the configuration file's folder, then in configs/."""
+Vector3 = tuple[float, float, float]
+
+
+class Section(BaseModel):
+    """Base of every section: frozen, unknown keys forbidden, defaults checked too."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True)
+
+
+class BusConfig(Section):
+    """The Zenoh router and how to reach it."""
+
+    endpoint: str = Field("tcp/127.0.0.1:7447", pattern=r"^(tcp|tls|quic|unixsock-stream)/.+$")
+    """Where the router listens and everyone connects."""
+    namespace: str = Field("", pattern=r"^([A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*)?$")
+    """Put before every key, for several robots on one router."""
+    connect_timeout_s: float = Field(10.0, gt=0, le=3600)
+    """How long a service waits for the router before it gives up."""
+    shared_memory_mib: int = Field(64, ge=0, le=4096)
+    """Size of each process's pool for large messages; 0 switches shared memory off."""
+
+
+class SimConfig(Section):
+    """The simulated robot and world."""
+
+    mode: Literal["kinematic"] = "kinematic"
+    rate_hz: float = Field(100.0, ge=10, le=1000)
+    leg_state_rate_hz: float = Field(10.0, gt=0, le=100)
+    initial_foot: Foot = Foot.A
+    initial_foot_xyz_m: Vector3 = (0.0, -0.775, 10.105)
+    """Plate centre of the fixed foot in the world; 10.105 puts its sole on the bar's top at 10.1."""
+    initial_foot_rpy_deg: Vector3 = (0.0, 0.0, 90.0)
+
+
+class LidarConfig(Section):
+    """A spinning LiDAR."""
+
+    frame: str = "lidar"
+    """The link that carries the sensor's origin: z up along its axis, x where column 0 looks."""
+    num_columns: int = Field(512, ge=8, le=8192)
+    num_rings: int = Field(128, ge=1, le=512)
+    rate_hz: float = Field(10.0, gt=0, le=40)
+    max_elevation_deg: float = Field(22.8, gt=-90, lt=90)
+    min_elevation_deg: float = Field(-22.8, gt=-90, lt=90)
+    min_range_m: float = Field(0.2, ge=0, le=100)
+    max_range_m: float = Field(10.0, gt=0, le=1000)
+    range_noise_m: float = Field(0.008, ge=0, le=1)
+    """Standard deviation of the Gaussian along the ray."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> LidarConfig:
+        if self.min_range_m >= self.max_range_m:
+            raise ValueError(f"min_range_m {self.min_range_m} must be below max_range_m {self.max_range_m}")
+        if self.num_rings > 1 and self.min_elevation_deg >= self.max_elevation_deg:
+            raise ValueError("min_elevation_deg must be below max_elevation_deg")
+        return self
+
+
+class SensorsConfig(Section):
+    """Each sensor runs in its own process: `python -m services.sensors --sensor NAME`."""
+
+    lidar: LidarConfig = LidarConfig()
+
+
+class MapperConfig(Section):
+    """Online registration and the map."""
+
+    method: Literal["gicp"] = "gicp"
+    min_range_m: float = Field(0.5, ge=0, le=100)
+    """Beyond the robot's own reach: its feet come up to 0.44 m near the sensor, and moving parts do not belong in a map."""
+    max_range_m: float = Field(10.0, gt=0, le=1000)
+    voxel_size_m: float = Field(0.05, gt=0, le=10)
+    """Edge of the voxels that thin scans and map; finer maps cost time with its square."""
+    max_map_points: int = Field(500_000, ge=1000, le=100_000_000)
+    """The map stops growing here; a point costs some 200 bytes."""
+    keyframe_novelty: float = Field(0.05, ge=0, le=1)
+    """A scan enters the map when the shares which the map did not explain, summed since the last that did, exceed this."""
+    max_correspondence_m: float = Field(0.1, gt=0, le=10)
+    """Pairs of scan and map may be so far apart: below the bars' width, or a bar's two faces are mixed up."""
+    search_correspondence_m: float = Field(1.0, gt=0, le=100)
+    """The same for the first guess of a wider search, when the prediction does not lead to a good registration."""
+    min_score: float = Field(0.5, gt=0, le=1)
+    """A registration is not believed below this share of explained points (less where they lie off their surfaces)."""
+    max_jump_m: float = Field(0.5, gt=0, le=100)
+    max_jump_deg: float = Field(45.0, gt=0, le=180)
+    """A registration farther than this from both the prediction and the last tracked pose is not believed."""
+    max_iterations: int = Field(20, ge=1, le=1000)
+    map_rate_hz: float = Field(1.0, gt=0, le=10)
+    num_threads: int = Field(1, ge=1, le=64)
+
+
+class RecorderConfig(Section):
+    """The MCAP recording."""
+
+    directory: Path = Path("out")
+    """Runs are written to DIRECTORY/<UTC time>/, with a link `latest`."""
+    run: str = Field("", pattern=r"^[A-Za-z0-9_.:-]*$")
+    """Name of the run's folder; empty = the UTC time at the start."""
+    compression: Literal["lz4", "zstd", "none"] = "lz4"
+    chunk_size_kib: int = Field(1024, ge=64, le=65536)
+    chunk_period_s: float = Field(0.5, gt=0, le=60)
+    """A chunk is closed at least this often: a killed recorder loses no more than this."""
+    max_queue_mib: int = Field(256, ge=16, le=65536)
+
+
+class PlayerConfig(Section):
+    """How `hyrecro robot play` moves through a trajectory file."""
+
+    trajectory: InputFile = Path("trajectories/climb.csv")
+    rate_hz: float = Field(9.0, gt=0, le=1000)
+    num_steps: int = Field(100, ge=1, le=100_000)
+    position_tolerance: float = Field(1e-3, gt=0, le=1)
+    """A target is reached when every joint is this near: radians, metres for q2 and q7."""
+    timeout_s: float = Field(30.0, gt=0, le=3600)
+
+
+class EvaluatorConfig(Section):
+    """Comparison with the truth."""
+
+    rate_hz: float = Field(1.0, gt=0, le=10)
+    plane_distance_m: float = Field(0.04, gt=0, le=1)
+    num_planes: int = Field(11, ge=1, le=1000)
+
+
+class Config(Section):
+    """Everything. Input files are relative to the configuration file; recordings go below the working directory."""
+
+    seed: int = Field(1, ge=0, le=2**32 - 1)
+    robot: InputFile = Path("robot/hyrecro.urdf")
+    fixed_foot_mark: InputFile = Path("robot/fixed_foot.urdf")
+    """What viewers draw at the fixed foot."""
+    structure: InputFile = Path("structures/original.yaml")
+    bus: BusConfig = BusConfig()
+    sim: SimConfig = SimConfig()
+    sensors: SensorsConfig = SensorsConfig()
+    mapper: MapperConfig = MapperConfig()
+    recorder: RecorderConfig = RecorderConfig()
+    player: PlayerConfig = PlayerConfig.model_construct()
+    evaluator: EvaluatorConfig = EvaluatorConfig()
+
+    @field_validator("player", mode="before")
+    @classmethod
+    def _player_is_checked(cls, value: object) -> object:
+        return {} if isinstance(value, PlayerConfig) else value

@@ -1,0 +1,78 @@
+"""What a service counts of its own traffic, and the heartbeat made of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from shared.messaging.messages import ChannelCount, Event, Measurement, Message
+from shared.messaging.sequence import SequenceCounter
+
+
+@dataclass(slots=True)
+class KeyTraffic:
+    """Counters of one key. `sources` follows each publisher's `seq`: many may share a key such as `events`."""
+
+    num_sent: int = 0
+    num_received: int = 0
+    num_refused: int = 0
+    last_seq: int | None = None
+    sources: dict[str, SequenceCounter] = field(default_factory=dict)
+
+
+class Traffic:
+    """Counts by key; knows the newest simulated time seen. Pure: told of every message, asked for a snapshot."""
+
+    def __init__(self) -> None:
+        self.stamp_ns = 0
+        self._keys: dict[str, KeyTraffic] = {}
+
+    def sent(self, key: str, *, seq: int | None, stamp_ns: int | None) -> None:
+        """Notes a published message; commands have neither number nor stamp."""
+        traffic = self._of(key)
+        traffic.num_sent += 1
+        traffic.last_seq = seq
+        self.stamp_ns = self.stamp_ns if stamp_ns is None else stamp_ns
+
+    def received(self, key: str, message: Message) -> None:
+        """Notes a decoded message."""
+        traffic = self._of(key)
+        traffic.num_received += 1
+        if isinstance(message, Measurement):
+            traffic.last_seq = message.seq
+            self.stamp_ns = message.stamp_ns
+            traffic.sources.setdefault(source_of(message), SequenceCounter()).add(message.seq)
+
+    def refused(self, key: str) -> None:
+        """Notes bytes that were no message, or a command that was refused."""
+        self._of(key).num_refused += 1
+
+    def is_known(self, key: str, message: Message) -> bool:
+        """Whether a message that was asked for has already come by itself."""
+        traffic = self._keys.get(key)
+        if traffic is None or not isinstance(message, Measurement):
+            return False
+        counter = traffic.sources.get(source_of(message))
+        return counter is not None and counter.last_seq is not None and message.seq <= counter.last_seq
+
+    def snapshot(self, num_dropped: dict[str, int]) -> tuple[ChannelCount, ...]:
+        """The counters by key; num_dropped: what the inbox had to drop, which is taken off the missed ones."""
+        return tuple(
+            ChannelCount(
+                key=key,
+                num_sent=traffic.num_sent,
+                num_received=traffic.num_received,
+                num_missed=max(0, sum(c.num_missed for c in traffic.sources.values()) - num_dropped.get(key, 0)),
+                num_dropped=num_dropped.get(key, 0),
+                num_refused=traffic.num_refused,
+                last_seq=traffic.last_seq,
+            )
+            for key, traffic in sorted({**{key: KeyTraffic() for key in num_dropped}, **self._keys}.items())
+        )
+
+    def _of(self, key: str) -> KeyTraffic:
+        return self._keys.setdefault(key, KeyTraffic())
+
+
+def source_of(message: Measurement) -> str:
+    """Who numbers this message: events of all services share one key."""
+    return message.source if isinstance(message, Event) else ""

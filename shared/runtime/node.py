@@ -1,0 +1,51 @@
+"""What a service is to the runner: named inputs, outputs and a timer around a facade. No arithmetic happens here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from shared.messaging.channels import Channel
+from shared.messaging.messages import Message
+
+Messages = Iterable[Message]
+Handler = Callable[[Any], Messages]
+
+
+def _nothing() -> Messages:
+    return ()
+
+
+def _never() -> bool:
+    return False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Node:
+    """Wiring of one service.
+
+    inputs: channel -> facade method; it gets the decoded message and returns the messages that follow from it. On a
+    command channel it may raise RefusedError. outputs: the channels the returned messages go to, by message type (one
+    channel a type). on_start, on_timer (at `timer_hz`, wall time) and on_stop return messages in the same way.
+    is_done: whether the service has finished by itself. is_observer: it only watches: it takes every message of every
+    input through one bounded queue, also where the channel says LATEST, and leaves commands to others to answer.
+    """
+
+    name: str
+    inputs: Mapping[Channel, Handler] = field(default_factory=dict)
+    outputs: tuple[Channel, ...] = ()
+    on_start: Callable[[], Messages] = _nothing
+    on_timer: Callable[[], Messages] = _nothing
+    on_stop: Callable[[], Messages] = _nothing
+    is_done: Callable[[], bool] = _never
+    timer_hz: float | None = None
+    is_observer: bool = False
+
+
+@dataclass(kw_only=True)
+class Context:
+    """What the runner lends to a node: a monotonic clock, and when the message in hand was received (same clock)."""
+
+    clock_ns: Callable[[], int]
+    received_ns: int = 0

@@ -1,0 +1,38 @@
+"""The folder of one run: out/<UTC time>/, with a link `latest` beside it."""
+
+from __future__ import annotations
+
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+
+from shared.errors import InputFileError
+from shared.runtime.config import RecorderConfig
+
+
+def run_name(config: RecorderConfig) -> str:
+    """The configured name of the run, or the UTC time now as 20261122T103300Z."""
+    return config.run or datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+
+
+def run_folder(config: RecorderConfig, name: str) -> Path:
+    """Where the run of that name is written."""
+    return config.directory / name
+
+
+def make_run_folder(config: RecorderConfig, name: str) -> Path:
+    """Makes the folder and lets `latest` point to it.
+
+    Raises:
+        InputFileError: it cannot be made.
+    """
+    folder = run_folder(config, name)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        fresh = config.directory / f".latest.{os.getpid()}"
+        fresh.unlink(missing_ok=True)
+        fresh.symlink_to(name)
+        fresh.replace(config.directory / "latest")
+    except OSError as error:
+        raise InputFileError(f"recorder.directory {config.directory}: {error.strerror or error}") from error
+    return folder

@@ -1,0 +1,239 @@
+"""Runs one service as a process: arguments, configuration, signals, the bus, one loop, exit code."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import FrameType
+
+import psutil
+import structlog
+
+from shared.errors import CodecError, ConfigError, HyrecroError, InputFileError, RefusedError
+from shared.messaging.bus import Bus
+from shared.messaging.channels import EVENTS, HEALTH, Channel
+from shared.messaging.codec import decode, decode_command
+from shared.messaging.inbox import Inbox, Parcel
+from shared.messaging.messages import Event, Health, Measurement, Message, Severity
+from shared.runtime.config import Config
+from shared.runtime.config_loading import DEFAULT_CONFIG, load_config
+from shared.runtime.exit_codes import Exit
+from shared.runtime.health import Traffic
+from shared.runtime.logs import configure_logs
+from shared.runtime.node import Context, Node
+
+log = structlog.get_logger()
+
+BuildNode = Callable[[Config, Context], Node]
+
+_HEALTH_PERIOD_S = 1.0
+_MAX_WAIT_S = 0.1
+_DRAIN_QUIET_S = 0.3
+_MAX_TIMER_DELAY_S = 0.5
+"""A timer that is later than this does not catch up: simulated time then runs slower than wall time."""
+
+
+def run_service(name: str, build_node: BuildNode, arguments: argparse.Namespace | None = None) -> None:
+    """Runs the service until it is done, SIGTERM or Ctrl-C, and ends the process with the right exit code."""
+    arguments = service_parser(name).parse_args() if arguments is None else arguments
+    configure_logs(verbosity=arguments.verbosity, is_json=arguments.log_json)
+    structlog.contextvars.bind_contextvars(service=name)
+    stop = StopSignal()
+    context = Context(clock_ns=time.perf_counter_ns)
+    try:
+        config = load_config(arguments.config, arguments.set, os.environ)
+        node = build_node(config, context)
+        run_node(node, config, context, stop.is_set)
+    except ConfigError as error:
+        _complain(name, f"the configuration is not usable:\n{error}")
+        sys.exit(Exit.USAGE)
+    except InputFileError as error:
+        _complain(name, str(error))
+        sys.exit(Exit.USAGE)
+    except HyrecroError as error:
+        if not stop.is_set():
+            _complain(name, str(error))
+            sys.exit(Exit.FAILED)
+    sys.exit(stop.exit_code())
+
+
+def service_parser(name: str) -> argparse.ArgumentParser:
+    """The arguments every service takes."""
+    parser = argparse.ArgumentParser(prog=f"python -m services.{name}", description=f"The {name} service.")
+    parser.add_argument("--config", type=Path, default=DEFAULT_CONFIG, help="file, or name of a preset in configs/")
+    parser.add_argument("--set", action="append", default=[], metavar="SECTION.KEY=VALUE", help="changes one setting")
+    parser.add_argument("-v", "--verbose", action="store_const", const=1, default=0, dest="verbosity")
+    parser.add_argument("-q", "--quiet", action="store_const", const=-1, dest="verbosity")
+    parser.add_argument("--log-json", action="store_true", help="log lines as JSON")
+    return parser
+
+
+class StopSignal:
+    """Remembers the first SIGTERM or SIGINT; a further Ctrl-C ends the process at once.
+
+    SIGTERM may come several times: the kernel sends it once for each dying thread of a parent that was killed.
+    As a context manager it gives the signals back to whoever had them before.
+    """
+
+    def __init__(self) -> None:
+        self.signum: int | None = None
+        self._before = {signum: signal.signal(signum, self._on_signal) for signum in (signal.SIGTERM, signal.SIGINT)}
+
+    def __enter__(self) -> StopSignal:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for signum, handler in self._before.items():
+            signal.signal(signum, handler)
+
+    def is_set(self) -> bool:
+        """Whether the process shall end."""
+        return self.signum is not None
+
+    def exit_code(self) -> Exit:
+        """130 after Ctrl-C, 0 after SIGTERM."""
+        return Exit.INTERRUPTED if self.signum == signal.SIGINT else Exit.FINE
+
+    def _on_signal(self, signum: int, _frame: FrameType | None) -> None:
+        if self.signum is not None and signum == signal.SIGINT:
+            os._exit(Exit.INTERRUPTED)
+        self.signum = signum if self.signum is None else self.signum
+
+
+def run_node(node: Node, config: Config, context: Context, is_stopping: Callable[[], bool]) -> None:
+    """Connects a node to the bus and serves until it is done or `is_stopping`.
+
+    Raises:
+        BusError: the router cannot be reached.
+    """
+    max_bytes = config.recorder.max_queue_mib * 1024 * 1024 if node.is_observer else None
+    with Bus(config.bus, is_stopping=is_stopping) as bus:
+        ServiceLoop(node, bus, context, Inbox(max_bytes=max_bytes)).run(is_stopping)
+
+
+def _complain(name: str, text: str) -> None:
+    print(f"{name}: {text}", file=sys.stderr)
+
+
+class ServiceLoop:
+    """Takes parcels from the inbox, gives messages to the node, sends what it returns; keeps timer and heartbeat."""
+
+    def __init__(self, node: Node, bus: Bus, context: Context, inbox: Inbox) -> None:
+        self._node, self._bus, self._context, self._inbox = node, bus, context, inbox
+        self._traffic = Traffic()
+        self._routes: dict[type[Message], Channel] = {channel.message: channel for channel in node.outputs}
+        self._routes |= {Event: EVENTS, Health: HEALTH.of(node.name)}
+        self._process = psutil.Process()
+        self._started_s = self._last_health_s = time.monotonic()
+        self._busy_s = 0.0
+        self._num_events = self._num_healths = 0
+
+    def run(self, is_stopping: Callable[[], bool]) -> None:
+        """Serves until the node is done or `is_stopping`; then the node's last messages and a last heartbeat go out."""
+        node = self._node
+        for channel in self._routes.values():
+            self._bus.advertise(channel)
+        for channel in node.inputs:
+            self._bus.subscribe(channel, self._inbox, is_observer=node.is_observer)
+        try:
+            self._send(node.on_start())
+            self._bus.announce(node.name)
+            log.info("ready")
+            self._serve(is_stopping)
+            if node.is_observer:
+                self._drain()
+        finally:
+            self._send(node.on_stop())
+            self._send_health()
+            log.info("stopped")
+
+    def _serve(self, is_stopping: Callable[[], bool]) -> None:
+        period_s = 1.0 / self._node.timer_hz if self._node.timer_hz else None
+        due_s = time.monotonic()
+        while not (is_stopping() or self._node.is_done()):
+            now_s = time.monotonic()
+            if period_s is not None and now_s >= due_s:
+                self._timed(lambda: self._send(self._node.on_timer()))
+                due_s = due_s + period_s if now_s - due_s < _MAX_TIMER_DELAY_S else now_s + period_s
+            if now_s - self._last_health_s >= _HEALTH_PERIOD_S:
+                self._send_health()
+            wait_s = _MAX_WAIT_S if period_s is None else min(_MAX_WAIT_S, max(0.0, due_s - time.monotonic()))
+            if (parcel := self._inbox.take(wait_s)) is not None:
+                self._timed(lambda parcel=parcel: self._handle(parcel))  # type: ignore[misc]
+
+    def _drain(self) -> None:
+        """What was sent before the end was asked for may still be under way: it is taken until nothing more comes."""
+        while (parcel := self._inbox.take(_DRAIN_QUIET_S)) is not None:
+            self._handle(parcel)
+
+    def _handle(self, parcel: Parcel) -> None:
+        channel, key = parcel.channel, parcel.key
+        self._context.received_ns = parcel.received_ns
+        try:
+            if channel.is_command:
+                message: Message = decode_command(channel.message, parcel.payload)
+            else:
+                message = decode(channel.message, parcel.payload, schema=parcel.schema)
+            if parcel.is_replay and self._traffic.is_known(key, message):
+                return
+            self._traffic.received(key, message)
+            self._send(self._node.inputs[channel](message))
+        except (CodecError, RefusedError) as error:
+            self._refuse(parcel, f"{key}: {error}")
+        except InputFileError as error:
+            self._refuse(parcel, f"{key}: {error}", Severity.ERROR)
+        else:
+            if parcel.reply is not None:
+                parcel.reply(True, "")
+
+    def _refuse(self, parcel: Parcel, reason: str, severity: Severity = Severity.WARNING) -> None:
+        self._traffic.refused(parcel.key)
+        log.warning("refused", reason=reason)
+        event = Event(
+            stamp_ns=self._traffic.stamp_ns,
+            seq=self._num_events,
+            frame="",
+            source=self._node.name,
+            severity=severity,
+            text=reason,
+        )
+        self._num_events += 1
+        self._send([event])
+        if parcel.reply is not None:
+            parcel.reply(False, reason)
+
+    def _send(self, messages: Iterable[Message]) -> None:
+        for message in messages:
+            channel = self._routes[type(message)]
+            self._bus.publish(channel, message)
+            seq, stamp_ns = (message.seq, message.stamp_ns) if isinstance(message, Measurement) else (None, None)
+            self._traffic.sent(channel.key_expr, seq=seq, stamp_ns=stamp_ns)
+
+    def _send_health(self) -> None:
+        now_s = time.monotonic()
+        elapsed_s = max(now_s - self._last_health_s, 1e-9)
+        channel, seq, stamp_ns = HEALTH.of(self._node.name), self._num_healths, self._traffic.stamp_ns
+        self._num_healths += 1
+        self._traffic.sent(channel.key_expr, seq=seq, stamp_ns=None)  # it counts itself, so that the last one is exact
+        health = Health(
+            stamp_ns=stamp_ns,
+            seq=seq,
+            frame="",
+            service=self._node.name,
+            uptime_s=now_s - self._started_s,
+            rss_bytes=self._process.memory_info().rss,
+            busy_ratio=min(1.0, self._busy_s / elapsed_s),
+            channels=self._traffic.snapshot(dict(self._inbox.num_dropped)),
+        )
+        self._bus.publish(channel, health)
+        self._last_health_s, self._busy_s = now_s, 0.0
+
+    def _timed(self, work: Callable[[], None]) -> None:
+        started_s = time.monotonic()
+        work()
+        self._busy_s += time.monotonic() - started_s

@@ -1,0 +1,169 @@
+"""The bus over a real router in this process: delivery, kept messages, commands, namespaces, schemas."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from shared.errors import BusError, RefusedError
+from shared.messaging.bus import Bus, open_router
+from shared.messaging.channels import JOINTS_STATE, JOINTS_TARGET, LEG_STATE, LEG_TARGET, LIDAR_POINTS
+from shared.messaging.codec import decode, decode_command, encode
+from shared.messaging.inbox import Inbox
+from shared.messaging.messages import Foot, JointTarget, LegState, LegTarget, LidarScan
+from shared.runtime.config import BusConfig
+from tests.support.processes import free_endpoint, wait_until
+
+pytestmark = pytest.mark.e2e
+
+
+@pytest.fixture(scope="module")
+def endpoint():
+    address = free_endpoint()
+    with open_router(address):
+        yield address
+
+
+@pytest.fixture
+def buses(endpoint, request):
+    """Two sessions in a namespace of this test's own."""
+    config = BusConfig(endpoint=endpoint, namespace=request.node.name.split("[")[0])
+    with Bus(config) as a, Bus(config) as b:
+        yield a, b
+
+
+def leg_state(seq, foot=Foot.A):
+    pose = np.array([0, 0, 0, 0, 0, 0, 1.0])
+    return LegState(stamp_ns=seq, seq=seq, frame="world", fixed_foot=foot, T_world_foot=pose)
+
+
+def scan(seq, num_points):
+    columns = {"points_m": np.zeros((num_points, 3)), "intensity": np.zeros(num_points)}
+    columns |= {"t_ns": np.zeros(num_points), "ring": np.zeros(num_points)}
+    return LidarScan(stamp_ns=seq, seq=seq, frame="lidar", **columns)
+
+
+def connected(publishing, subscribing, channel, first):
+    """An inbox in which the first message of the publisher has arrived."""
+    inbox = Inbox(max_bytes=2**28)
+    subscribing.subscribe(channel, inbox)
+    publishing.advertise(channel)
+
+    def has_arrived():
+        publishing.publish(channel, first)
+        return inbox.take(0.1)
+
+    wait_until(has_arrived, f"the first message on {channel.key}")
+    while inbox.take(0.2) is not None:
+        pass
+    return inbox
+
+
+def test_messages_arrive_whole_in_order_and_with_their_schema(buses):
+    a, b = buses
+    inbox = connected(a, b, LEG_STATE, leg_state(0))
+    for seq in range(1, 101):
+        a.publish(LEG_STATE, leg_state(seq))
+    parcels = [inbox.take(5.0) for _ in range(100)]
+    received = [decode(LegState, parcel.payload, schema=parcel.schema) for parcel in parcels]
+    assert [message.seq for message in received] == list(range(1, 101))
+    assert {parcel.schema for parcel in parcels} == {"hyrecro.LegState/1"}
+
+
+def test_a_burst_of_large_scans_arrives_whole(buses):
+    a, b = buses
+    inbox = connected(a, b, LIDAR_POINTS, scan(0, 10))
+    sent = [scan(seq, 65_536) for seq in range(1, 21)]
+    for message in sent:
+        a.publish(LIDAR_POINTS, message)
+    received = [decode(LidarScan, inbox.take(5.0).payload) for _ in sent]
+    assert received == sent
+
+
+def test_a_late_joiner_asks_for_what_is_kept(buses):
+    a, b = buses
+    a.advertise(LEG_STATE)
+    a.publish(LEG_STATE, leg_state(5, Foot.B))
+    inbox = Inbox()
+    b.subscribe(LEG_STATE, inbox)
+    parcel = inbox.take(5.0)
+    assert parcel.is_replay
+    assert decode(LegState, parcel.payload).fixed_foot is Foot.B
+    assert b.ask(LEG_STATE, LegState) == leg_state(5, Foot.B)
+
+
+def test_nobody_answers_for_what_was_never_said(buses):
+    a, b = buses
+    a.advertise(JOINTS_STATE)
+    assert b.ask(LEG_STATE, LegState, timeout_s=0.5) is None
+
+
+@pytest.mark.parametrize("is_accepted", [True, False])
+def test_a_command_is_answered(buses, is_accepted):
+    robot, operator = buses
+    inbox = Inbox()
+    robot.subscribe(LEG_TARGET, inbox)
+
+    def answer():
+        parcel = inbox.take(10.0)
+        assert decode_command(LegTarget, parcel.payload) == LegTarget(foot=Foot.B)
+        parcel.reply(is_accepted, "no steel there")
+
+    thread = threading.Thread(target=answer)
+    thread.start()
+    if is_accepted:
+        operator.command(LEG_TARGET, LegTarget(foot=Foot.B))
+    else:
+        with pytest.raises(RefusedError, match="no steel there"):
+            operator.command(LEG_TARGET, LegTarget(foot=Foot.B))
+    thread.join()
+    assert not thread.is_alive()
+
+
+def test_an_observer_sees_commands_and_leaves_the_answer_to_the_robot(buses):
+    observer, operator = buses
+    inbox = Inbox(max_bytes=2**20)
+    observer.subscribe(LEG_TARGET, inbox, is_observer=True)
+    with pytest.raises(BusError, match="nobody answers"):
+        operator.command(LEG_TARGET, LegTarget(foot=Foot.A), timeout_s=5.0)
+    parcel = inbox.take(5.0)
+    assert parcel is not None
+    assert (parcel.reply, parcel.payload) == (None, encode(LegTarget(foot=Foot.A)))
+
+
+def test_a_command_without_a_robot_says_so(buses):
+    _, operator = buses
+    with pytest.raises(BusError, match="nobody answers"):
+        operator.command(JOINTS_TARGET, JointTarget(q=np.zeros(8)), timeout_s=0.5)
+
+
+def test_namespaces_keep_robots_apart(endpoint):
+    one, two = (BusConfig(endpoint=endpoint, namespace=name) for name in ("robot1", "fleet/robot2"))
+    with Bus(one) as a, Bus(two) as b, Bus(two) as c:
+        a.advertise(LEG_STATE)
+        b.advertise(LEG_STATE)
+        a.publish(LEG_STATE, leg_state(1, Foot.A))
+        b.publish(LEG_STATE, leg_state(2, Foot.B))
+        assert c.ask(LEG_STATE, LegState) == leg_state(2, Foot.B)
+        a.announce("sim")
+        b.announce("mapper")
+        wait_until(c.alive, "a token")
+        assert c.alive() == {"mapper"}
+
+
+def test_no_router_is_one_clear_error():
+    with pytest.raises(
+        BusError, match=r"no router at tcp/127\.0\.0\.1:\d+ after 0\.2 s: start one with `hyrecro router`"
+    ):
+        Bus(BusConfig(endpoint=free_endpoint(), connect_timeout_s=0.2))
+
+
+def test_a_taken_endpoint_is_one_clear_error(endpoint):
+    with pytest.raises(BusError, match="cannot listen on"), open_router(endpoint):
+        pass
+
+
+def test_closing_twice_is_fine(endpoint):
+    bus = Bus(BusConfig(endpoint=endpoint))
+    bus.close()
+    bus.close()

@@ -1,0 +1,53 @@
+from shared.messaging.messages import Clock, Event, Foot, LegTarget, Severity
+from shared.runtime.health import Traffic
+
+
+def clock(seq, stamp_ns=0):
+    return Clock(stamp_ns=stamp_ns, seq=seq, frame="")
+
+
+def event(source, seq):
+    return Event(stamp_ns=0, seq=seq, frame="", source=source, severity=Severity.INFO, text="")
+
+
+def counts(traffic, dropped=None):
+    return {count.key: count for count in traffic.snapshot(dropped or {})}
+
+
+def test_what_was_missed_on_the_way_is_told_from_what_was_dropped_here():
+    traffic = Traffic()
+    for seq in (0, 1, 5, 6):
+        traffic.received("k", clock(seq))
+    count = counts(traffic, {"k": 2})["k"]
+    assert (count.num_received, count.num_missed, count.num_dropped, count.last_seq) == (4, 1, 2, 6)
+
+
+def test_each_source_of_a_shared_key_counts_for_itself():
+    traffic = Traffic()
+    for message in (event("sim", 0), event("mapper", 0), event("sim", 1), event("mapper", 3)):
+        traffic.received("events", message)
+    assert counts(traffic)["events"].num_missed == 2
+
+
+def test_sent_refused_and_commands():
+    traffic = Traffic()
+    traffic.sent("a", seq=7, stamp_ns=50)
+    traffic.sent("c", seq=None, stamp_ns=None)
+    traffic.received("b", LegTarget(foot=Foot.A))
+    traffic.refused("b")
+    assert (counts(traffic)["a"].num_sent, counts(traffic)["a"].last_seq) == (1, 7)
+    assert (counts(traffic)["b"].num_received, counts(traffic)["b"].num_refused) == (1, 1)
+    assert traffic.stamp_ns == 50
+
+
+def test_a_replayed_message_is_known_if_it_or_a_later_one_came():
+    traffic = Traffic()
+    assert not traffic.is_known("k", clock(3))
+    traffic.received("k", clock(3))
+    assert traffic.is_known("k", clock(3))
+    assert traffic.is_known("k", clock(2))
+    assert not traffic.is_known("k", clock(4))
+
+
+def test_a_key_of_which_all_was_dropped_is_in_the_snapshot():
+    assert counts(Traffic(), {"k": 9})["k"].num_dropped == 9
