@@ -1,0 +1,43 @@
+"""Wiring of the simulation."""
+
+from services.sim.climbing_sim import ClimbingSim
+from shared.messaging.channels import (
+    CLOCK,
+    FIXED_FOOT_DESCRIPTION,
+    JOINTS_STATE,
+    JOINTS_TARGET,
+    LEG_STATE,
+    LEG_TARGET,
+    ROBOT_DESCRIPTION,
+    STRUCTURE_DESCRIPTION,
+    TF,
+)
+from shared.robot.urdf import read_urdf
+from shared.runtime.config import Config
+from shared.runtime.node import Context, Messages, Node
+from shared.world.structure import load_structure
+
+
+def build_node(config: Config, _context: Context) -> Node:
+    """The node that moves the robot and owns simulated time."""
+    sim = ClimbingSim(
+        config.sim,
+        urdf_text=read_urdf(config.robot),
+        structure=load_structure(config.structure),
+        mark_text=read_urdf(config.fixed_foot_mark),
+        source=str(config.robot),
+    )
+
+    def stop() -> Messages:
+        sim.close()
+        return ()
+
+    return Node(
+        name="sim",
+        inputs={JOINTS_TARGET: sim.set_joint_target, LEG_TARGET: sim.set_fixed_foot},
+        outputs=(JOINTS_STATE, LEG_STATE, TF, CLOCK, ROBOT_DESCRIPTION, FIXED_FOOT_DESCRIPTION, STRUCTURE_DESCRIPTION),
+        on_start=sim.start,
+        on_timer=sim.step,
+        on_stop=stop,
+        timer_hz=config.sim.rate_hz,
+    )
