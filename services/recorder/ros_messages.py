@@ -1,0 +1,263 @@
+"""Messages as ROS 2 CDR bytes: one function a message type, and the table that names the ROS type of each.
+
+Headers carry the message's own stamp and frame. Commands have no stamp: theirs is the time at which they came.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.recorder import ros_schemas as ros
+from shared.errors import MessageError
+from shared.messaging import messages as m
+
+UNKNOWN = float("nan")
+MAX_STAMP_NS = 2**31 * ros.NS_PER_S - 1
+"""builtin_interfaces/Time counts its seconds in an int32."""
+
+# sensor_msgs/msg/PointField: datatype constants
+_FLOAT32, _UINT32, _UINT16 = 7, 6, 4
+_XYZ_FIELDS = (("x", 0, _FLOAT32), ("y", 4, _FLOAT32), ("z", 8, _FLOAT32))
+_XYZ_DTYPE = np.dtype([("xyz", "<f4", (3,))])
+_SCAN_FIELDS = (*_XYZ_FIELDS, ("intensity", 12, _FLOAT32), ("t", 16, _UINT32), ("ring", 20, _UINT16))
+_SCAN_DTYPE = np.dtype([("xyz", "<f4", (3,)), ("intensity", "<f4"), ("t", "<u4"), ("ring", "<u2")])
+
+# rcl_interfaces/msg/Log: level constants
+_LOG_LEVELS = {m.Severity.INFO: 20, m.Severity.WARNING: 30, m.Severity.ERROR: 40}
+
+_DIAGNOSTIC_OK = 0
+"""diagnostic_msgs/DiagnosticStatus.OK: a heartbeat reports numbers and leaves the verdict to the reader."""
+
+_COUNTERS = ("num_sent", "num_received", "num_missed", "num_dropped", "num_refused")
+
+
+@dataclass(frozen=True, slots=True)
+class RosForm:
+    """How one message type is recorded: its ROS type, and a function (message, stamp_ns) -> ROS message."""
+
+    ros_type: str
+    build: Callable[[Any, int], object]
+
+
+def to_cdr(message: m.Message, stamp_ns: int) -> tuple[str, memoryview]:
+    """The ROS type name and the CDR bytes (little-endian, with encapsulation header) of a message.
+
+    stamp_ns: simulated time put into the headers.
+
+    Raises:
+        MessageError: the message type has no ROS form, or the stamp is no ROS time.
+    """
+    form = ROS_FORMS.get(type(message))
+    if form is None:
+        known = ", ".join(sorted(message_type.__name__ for message_type in ROS_FORMS))
+        raise MessageError(f"{type(message).__name__} has no ROS form; these have one: {known}")
+    if not 0 <= stamp_ns <= MAX_STAMP_NS:
+        raise MessageError(f"{type(message).__name__}: stamp_ns is {stamp_ns}, must be within 0 .. {MAX_STAMP_NS}")
+    data = ros.typestore().serialize_cdr(form.build(message, stamp_ns), form.ros_type, little_endian=True)
+    return form.ros_type, data
+
+
+def _or_unknown(value: float | None) -> float:
+    return UNKNOWN if value is None else value
+
+
+# ---- the robot
+
+
+def _joint_state(
+    header: object,
+    names: tuple[str, ...],
+    position: NDArray[np.float64],
+    velocity: NDArray[np.float64] | None = None,
+    effort: NDArray[np.float64] | None = None,
+) -> object:
+    """sensor_msgs/JointState: an empty array says that the quantity is not given."""
+    none = np.empty(0)
+    return ros.new(
+        "sensor_msgs/msg/JointState",
+        header=header,
+        name=list(names),
+        position=position,
+        velocity=none if velocity is None else velocity,
+        effort=none if effort is None else effort,
+    )
+
+
+def _joint_target(target: m.JointTarget, stamp_ns: int) -> object:
+    """The wanted duration has no place in a JointState and is not recorded."""
+    names = m.JOINT_NAMES[: len(target.q)] if target.names is None else target.names
+    return _joint_state(ros.header(stamp_ns, ""), names, target.q)
+
+
+def _joints(state: m.JointState, stamp_ns: int) -> object:
+    return _joint_state(ros.header(stamp_ns, state.frame), m.JOINT_NAMES, state.q, state.dq, state.effort)
+
+
+def _leg_target(target: m.LegTarget, _stamp_ns: int) -> object:
+    return ros.string(target.foot.value)
+
+
+def _leg_state(state: m.LegState, stamp_ns: int) -> object:
+    return ros.own(
+        state,
+        stamp_ns,
+        fixed_foot=state.fixed_foot.value,
+        foot_pose=ros.pose(state.T_world_foot),
+        is_contact_known=state.has_contact is not None,
+        has_contact=bool(state.has_contact),
+        load_n=_or_unknown(state.load_n),
+        margin=_or_unknown(state.margin),
+    )
+
+
+def _transform(stamp_ns: int, parent: str, child: str, xyz_quat_xyzw: list[float]) -> object:
+    return ros.new(
+        "geometry_msgs/msg/TransformStamped",
+        header=ros.header(stamp_ns, parent),
+        child_frame_id=child,
+        transform=ros.new(
+            "geometry_msgs/msg/Transform",
+            translation=ros.vector(xyz_quat_xyzw[:3]),
+            rotation=ros.quaternion(xyz_quat_xyzw[3:]),
+        ),
+    )
+
+
+def _transforms(edges: m.Transforms, stamp_ns: int) -> object:
+    rows = zip(edges.parents, edges.children, edges.T_parent_child.tolist(), strict=True)
+    transforms = [_transform(stamp_ns, parent, child, row) for parent, child, row in rows]
+    return ros.new("tf2_msgs/msg/TFMessage", transforms=transforms)
+
+
+def _clock(_clock: m.Clock, stamp_ns: int) -> object:
+    return ros.new("rosgraph_msgs/msg/Clock", clock=ros.time(stamp_ns))
+
+
+def _description(
+    description: m.RobotDescription | m.FixedFootDescription | m.StructureDescription, _stamp_ns: int
+) -> object:
+    return ros.string(description.urdf)
+
+
+# ---- sensors and map
+
+
+def _cloud(header: object, fields: tuple[tuple[str, int, int], ...], table: NDArray[np.void]) -> object:
+    """sensor_msgs/PointCloud2 of a structured array (N,): unorganised (one row) and without invalid points."""
+    return ros.new(
+        "sensor_msgs/msg/PointCloud2",
+        header=header,
+        height=1,
+        width=len(table),
+        fields=[
+            ros.new("sensor_msgs/msg/PointField", name=name, offset=offset, datatype=datatype, count=1)
+            for name, offset, datatype in fields
+        ],
+        is_bigendian=False,
+        point_step=table.itemsize,
+        row_step=table.nbytes,
+        data=table.view(np.uint8),
+        is_dense=True,
+    )
+
+
+def _scan(scan: m.LidarScan, stamp_ns: int) -> object:
+    table = np.empty(len(scan.points_m), _SCAN_DTYPE)
+    table["xyz"], table["intensity"], table["t"], table["ring"] = scan.points_m, scan.intensity, scan.t_ns, scan.ring
+    return _cloud(ros.header(stamp_ns, scan.frame), _SCAN_FIELDS, table)
+
+
+def _point_cloud(cloud: m.PointCloud, stamp_ns: int) -> object:
+    table = np.empty(len(cloud.points_m), _XYZ_DTYPE)
+    table["xyz"] = cloud.points_m
+    return _cloud(ros.header(stamp_ns, cloud.frame), _XYZ_FIELDS, table)
+
+
+def _odometry(odometry: m.Odometry, stamp_ns: int) -> object:
+    """The velocity is not estimated: NaN. A covariance of zeros means unknown, as sensor_msgs/Imu defines it."""
+    unknown = np.zeros(36)
+    covariance = unknown if odometry.covariance is None else odometry.covariance.reshape(-1)
+    pose = ros.pose(odometry.T_frame_child)
+    velocity = ros.vector([UNKNOWN] * 3)
+    twist = ros.new("geometry_msgs/msg/Twist", linear=velocity, angular=velocity)
+    return ros.new(
+        "nav_msgs/msg/Odometry",
+        header=ros.header(stamp_ns, odometry.frame),
+        child_frame_id=odometry.child_frame,
+        pose=ros.new("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=covariance),
+        twist=ros.new("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown),
+    )
+
+
+def _map_status(status: m.MapStatus, stamp_ns: int) -> object:
+    axes = list(status.degenerate_axes)
+    return ros.own(status, stamp_ns, fitness=_or_unknown(status.fitness), degenerate_axes=axes)
+
+
+# ---- supervision
+
+
+def _tracking_metrics(metrics: m.TrackingMetrics, stamp_ns: int) -> object:
+    return ros.own(metrics, stamp_ns)
+
+
+def _event(event: m.Event, stamp_ns: int) -> object:
+    return ros.new(
+        "rcl_interfaces/msg/Log",
+        stamp=ros.time(stamp_ns),
+        level=_LOG_LEVELS[event.severity],
+        name=event.source,
+        msg=event.text,
+        file="",
+        function="",
+        line=0,
+    )
+
+
+def _health(health: m.Health, stamp_ns: int) -> object:
+    """One DiagnosticStatus: the service's own numbers, then each key's counters as `<key> <counter>`."""
+    values = {
+        "uptime_s": f"{health.uptime_s:.3f}",
+        "rss_bytes": str(health.rss_bytes),
+        "busy_ratio": f"{health.busy_ratio:.3f}",
+    }
+    for count in health.channels:
+        values |= {f"{count.key} {name}": str(getattr(count, name)) for name in _COUNTERS}
+        if count.last_seq is not None:
+            values[f"{count.key} last_seq"] = str(count.last_seq)
+    status = ros.new(
+        "diagnostic_msgs/msg/DiagnosticStatus",
+        level=_DIAGNOSTIC_OK,
+        name=health.service,
+        message="",
+        hardware_id="",
+        values=[ros.new("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in values.items()],
+    )
+    header = ros.header(stamp_ns, health.frame)
+    return ros.new("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status])
+
+
+ROS_FORMS: Mapping[type[m.Message], RosForm] = {
+    m.JointTarget: RosForm("sensor_msgs/msg/JointState", _joint_target),
+    m.LegTarget: RosForm("std_msgs/msg/String", _leg_target),
+    m.JointState: RosForm("sensor_msgs/msg/JointState", _joints),
+    m.LegState: RosForm("hyrecro_msgs/msg/LegState", _leg_state),
+    m.Transforms: RosForm("tf2_msgs/msg/TFMessage", _transforms),
+    m.Clock: RosForm("rosgraph_msgs/msg/Clock", _clock),
+    m.RobotDescription: RosForm("std_msgs/msg/String", _description),
+    m.FixedFootDescription: RosForm("std_msgs/msg/String", _description),
+    m.StructureDescription: RosForm("std_msgs/msg/String", _description),
+    m.LidarScan: RosForm("sensor_msgs/msg/PointCloud2", _scan),
+    m.PointCloud: RosForm("sensor_msgs/msg/PointCloud2", _point_cloud),
+    m.Odometry: RosForm("nav_msgs/msg/Odometry", _odometry),
+    m.MapStatus: RosForm("hyrecro_msgs/msg/MapStatus", _map_status),
+    m.TrackingMetrics: RosForm("hyrecro_msgs/msg/TrackingMetrics", _tracking_metrics),
+    m.Event: RosForm("rcl_interfaces/msg/Log", _event),
+    m.Health: RosForm("diagnostic_msgs/msg/DiagnosticArray", _health),
+}
+"""Every recorded message type; the channel table names the same ROS types."""

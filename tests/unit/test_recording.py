@@ -1,0 +1,64 @@
+import pytest
+
+from services.recorder.recorder import Recorder
+from services.recorder.recording import Recording
+from shared.errors import InputFileError
+from shared.messaging.channels import CHANNELS, CLOCK, HEALTH, LEG_TARGET
+from shared.messaging.messages import Clock, Foot, Health, LegTarget
+from shared.runtime.config import RecorderConfig
+from tests.support.examples import EXAMPLES
+
+BY_TYPE = {type(example): example for example in EXAMPLES}
+
+
+def recorded(tmp_path, *pairs):
+    path = tmp_path / "run.mcap"
+    recorder = Recorder(RecorderConfig(), path, {"seed": "3"})
+    for channel, message in pairs:
+        recorder.add(channel, message)
+    recorder.close()
+    return Recording(path)
+
+
+READABLE = ["tf", "lidar/points", "map/cloud", "map/odometry", "map/status", "health/*"]
+
+
+@pytest.mark.parametrize("key", READABLE)
+def test_messages_come_back_as_they_were(tmp_path, key):
+    (channel,) = (channel for channel in CHANNELS if channel.key == key)
+    message = BY_TYPE[channel.message]
+    assert list(recorded(tmp_path, (channel, message)).messages(channel)) == [message]
+
+
+def test_topics_metadata_and_duration(tmp_path):
+    ticks = [(CLOCK, Clock(stamp_ns=k * 10**9, seq=k, frame="")) for k in (0, 1, 4)]
+    recording = recorded(tmp_path, *ticks)
+    (clock,) = (topic for topic in recording.topics() if topic.topic == "/clock")
+    assert (clock.num_messages, clock.num_missed) == (3, 2)
+    assert recording.metadata == {"seed": "3"}
+    assert recording.duration_s == 4.0
+
+
+def test_each_service_has_its_own_topic_of_health(tmp_path):
+    recording = recorded(tmp_path, (HEALTH, BY_TYPE[Health]))
+    assert "/health/sim" in {topic.topic for topic in recording.topics()}
+
+
+def test_a_command_stands_at_the_newest_simulated_time(tmp_path):
+    tick = Clock(stamp_ns=7 * 10**9, seq=0, frame="")
+    recording = recorded(tmp_path, (CLOCK, tick), (LEG_TARGET, LegTarget(foot=Foot.B)))
+    assert recording.duration_s == 0.0
+
+
+@pytest.mark.parametrize("content", [b"", b"no recording", b"\x89MCAP0\r\n"])
+def test_what_is_no_recording(tmp_path, content):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(content)
+    with pytest.raises(InputFileError, match=r"run\.mcap: not a complete recording"):
+        Recording(path)
+
+
+def test_what_cannot_be_read_back_is_said(tmp_path):
+    recording = recorded(tmp_path, (CLOCK, Clock(stamp_ns=0, seq=0, frame="")))
+    with pytest.raises(ValueError, match="clock: its messages cannot be read back"):
+        list(recording.messages(CLOCK))

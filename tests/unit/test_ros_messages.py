@@ -1,0 +1,241 @@
+import numpy as np
+import pytest
+from mcap.records import Schema
+from mcap_ros2.decoder import DecoderFactory
+
+from services.recorder.ros_messages import MAX_STAMP_NS, ROS_FORMS, to_cdr
+from services.recorder.ros_schemas import OWN_DEFINITIONS, schema_text, typestore
+from shared.errors import MessageError
+from shared.messaging import messages as m
+from shared.messaging.channels import CHANNELS
+from tests.support.examples import EXAMPLES
+
+RECORDED = [example for example in EXAMPLES if type(example) in ROS_FORMS]
+STAMP_NS = 12_345_678_901
+AT = {"stamp_ns": STAMP_NS, "seq": 7}
+POSE = np.array([1.0, -2.0, 0.5, 0.0, 0.6, 0.0, 0.8])
+
+
+def decoded(message, stamp_ns=STAMP_NS):
+    ros_type, data = to_cdr(message, stamp_ns)
+    return typestore().deserialize_cdr(data, ros_type)
+
+
+def decoded_from_schema_alone(message):
+    ros_type, data = to_cdr(message, STAMP_NS)
+    schema = Schema(id=1, name=ros_type, encoding="ros2msg", data=schema_text(ros_type).encode())
+    decode = DecoderFactory().decoder_for("cdr", schema)
+    assert decode is not None
+    return decode(bytes(data))
+
+
+def stamp_of(header):
+    return (header.stamp.sec, header.stamp.nanosec)
+
+
+def assert_same(a, b):
+    """Compares two decoders' views of one message, field by field."""
+    if hasattr(a, "__dataclass_fields__"):
+        names = [name for name in a.__dataclass_fields__ if name != "__msgtype__" and not name.isupper()]
+        assert sorted(names) == sorted(b.__slots__)
+        for name in names:
+            assert_same(getattr(a, name), getattr(b, name))
+    elif isinstance(a, list):
+        assert len(a) == len(b)
+        for of_a, of_b in zip(a, b, strict=True):
+            assert_same(of_a, of_b)
+    elif isinstance(a, np.ndarray):
+        b = np.frombuffer(b, np.uint8) if isinstance(b, bytes) else np.asarray(b, a.dtype)
+        np.testing.assert_array_equal(a, b)
+    elif isinstance(b, bytes):
+        assert bytes([a]) == b
+    else:
+        np.testing.assert_equal(a, b)
+
+
+def test_every_recorded_channel_has_a_ros_form_of_the_type_it_names():
+    forms = {channel.key: ROS_FORMS[channel.message].ros_type for channel in CHANNELS if channel.is_recorded}
+    assert forms == {channel.key: channel.ros_type for channel in CHANNELS if channel.is_recorded}
+
+
+def test_every_form_has_an_example():
+    assert {type(example) for example in RECORDED} == set(ROS_FORMS)
+
+
+@pytest.mark.parametrize("message", RECORDED, ids=lambda message: type(message).__name__)
+def test_two_decoders_read_the_same(message):
+    assert_same(decoded(message), decoded_from_schema_alone(message))
+
+
+def test_cdr_begins_with_the_little_endian_encapsulation_header():
+    ros_type, data = to_cdr(m.LegTarget(foot=m.Foot.B), 0)
+    assert ros_type == "std_msgs/msg/String"
+    assert bytes(data) == b"\x00\x01\x00\x00" + b"\x02\x00\x00\x00" + b"B\x00"
+
+
+def test_a_command_is_stamped_with_its_receipt():
+    target = decoded(m.JointTarget(q=np.array([0.1, -0.2]), names=("q1", "q4")))
+    assert stamp_of(target.header) == (12, 345_678_901)
+    assert target.name == ["q1", "q4"]
+    assert target.position.tolist() == [0.1, -0.2]
+    assert target.velocity.size == target.effort.size == 0
+
+
+def test_a_joint_target_without_names_gets_them():
+    assert decoded(m.JointTarget(q=np.zeros(8))).name == list(m.JOINT_NAMES)
+
+
+def test_joint_state():
+    state = m.JointState(**AT, frame="foot_a", q=np.arange(8.0), dq=np.arange(8.0) / 10)
+    ros = decoded(state)
+    assert (ros.header.frame_id, stamp_of(ros.header)) == ("foot_a", (12, 345_678_901))
+    assert ros.name == ["q1", "q2", "q3", "q4", "q5", "q6", "q7", "q8"]
+    np.testing.assert_array_equal(ros.position, np.arange(8.0))
+    np.testing.assert_array_equal(ros.velocity, np.arange(8.0) / 10)
+    assert ros.effort.size == 0
+    with_effort = m.JointState(**AT, frame="foot_a", q=np.zeros(8), dq=np.zeros(8), effort=np.full(8, 22.7))
+    np.testing.assert_array_equal(decoded(with_effort).effort, np.full(8, 22.7))
+
+
+def test_leg_state_tells_unknown_from_zero():
+    unknown = decoded(m.LegState(**AT, frame="world", fixed_foot=m.Foot.B, T_world_foot=POSE))
+    assert (unknown.seq, unknown.fixed_foot) == (7, "B")
+    assert (unknown.foot_pose.position.y, unknown.foot_pose.orientation.w) == (-2.0, 0.8)
+    assert not unknown.is_contact_known
+    assert np.isnan([unknown.load_n, unknown.margin]).all()
+    known = decoded(
+        m.LegState(
+            **AT, frame="world", fixed_foot=m.Foot.A, T_world_foot=POSE, has_contact=False, load_n=0.0, margin=1.0
+        )
+    )
+    assert (known.is_contact_known, known.has_contact, known.load_n, known.margin) == (True, False, 0.0, 1.0)
+
+
+def test_transforms_keep_parent_child_and_quaternion_order():
+    edges = m.Transforms(
+        **AT,
+        frame="world",
+        parents=("world", "foot_a"),
+        children=("foot_a", "hip"),
+        T_parent_child=np.stack([POSE] * 2),
+    )
+    first, second = decoded(edges).transforms
+    assert (first.header.frame_id, first.child_frame_id) == ("world", "foot_a")
+    assert (second.header.frame_id, second.child_frame_id) == ("foot_a", "hip")
+    t, q = second.transform.translation, second.transform.rotation
+    assert (t.x, t.y, t.z) == (1.0, -2.0, 0.5)
+    assert (q.x, q.y, q.z, q.w) == (0.0, 0.6, 0.0, 0.8)
+    assert stamp_of(second.header) == (12, 345_678_901)
+
+
+def test_clock_and_descriptions():
+    assert decoded(m.Clock(**AT, frame="world")).clock.nanosec == 345_678_901
+    urdf = "<robot name='hyrecro'/>"
+    assert decoded(m.RobotDescription(**AT, frame="foot_a", urdf=urdf)).data == urdf
+    assert decoded(m.StructureDescription(**AT, frame="world", urdf=urdf)).data == urdf
+
+
+def test_a_scan_keeps_every_point_and_its_time():
+    scan = m.LidarScan(
+        **AT,
+        frame="lidar",
+        points_m=np.array([[1.0, 2.0, 3.0], [-4.0, 5.5, 0.25]], np.float32),
+        intensity=np.array([0.5, 255.0], np.float32),
+        t_ns=np.array([0, 4_000_000_000], np.uint32),
+        ring=np.array([0, 127], np.uint16),
+    )
+    cloud = decoded(scan)
+    assert (cloud.header.frame_id, cloud.height, cloud.width, cloud.is_dense) == ("lidar", 1, 2, True)
+    assert (cloud.point_step, cloud.row_step, cloud.is_bigendian) == (22, 44, False)
+    assert [(f.name, f.offset, f.datatype, f.count) for f in cloud.fields] == [
+        ("x", 0, 7, 1),
+        ("y", 4, 7, 1),
+        ("z", 8, 7, 1),
+        ("intensity", 12, 7, 1),
+        ("t", 16, 6, 1),
+        ("ring", 20, 4, 1),
+    ]
+    second = cloud.data.tobytes()[22:]
+    assert np.frombuffer(second[:16], "<f4").tolist() == [-4.0, 5.5, 0.25, 255.0]
+    assert int.from_bytes(second[16:20], "little") == 4_000_000_000
+    assert int.from_bytes(second[20:], "little") == 127
+
+
+@pytest.mark.parametrize("num_points", [0, 3])
+def test_a_map_cloud_is_xyz(num_points):
+    points_m = np.arange(3.0 * num_points, dtype=np.float32).reshape(-1, 3)
+    cloud = decoded(m.PointCloud(**AT, frame="map", points_m=points_m))
+    assert (cloud.width, cloud.point_step, [f.name for f in cloud.fields]) == (num_points, 12, ["x", "y", "z"])
+    np.testing.assert_array_equal(np.frombuffer(cloud.data.tobytes(), "<f4").reshape(-1, 3), points_m)
+
+
+def test_odometry_says_what_it_does_not_know():
+    ros = decoded(m.Odometry(**AT, frame="map", child_frame="lidar_estimated", T_frame_child=POSE))
+    assert (ros.header.frame_id, ros.child_frame_id) == ("map", "lidar_estimated")
+    assert (ros.pose.pose.position.x, ros.pose.pose.orientation.y) == (1.0, 0.6)
+    assert not ros.pose.covariance.any()
+    assert np.isnan(ros.twist.twist.linear.x)
+    covariance = np.arange(36.0).reshape(6, 6)
+    known = m.Odometry(**AT, frame="map", child_frame="lidar_estimated", T_frame_child=POSE, covariance=covariance)
+    np.testing.assert_array_equal(decoded(known).pose.covariance, np.arange(36.0))
+
+
+def test_own_types_copy_every_field():
+    (status,) = [example for example in EXAMPLES if isinstance(example, m.MapStatus)]
+    ros = decoded(status)
+    copied = {name: getattr(ros, name) for name in m.MapStatus.__dataclass_fields__ if hasattr(ros, name)}
+    assert copied | {"degenerate_axes": ("z",)} == {
+        name: getattr(status, name) for name in m.MapStatus.__dataclass_fields__ if name not in ("stamp_ns", "frame")
+    }
+    (metrics,) = [example for example in EXAMPLES if isinstance(example, m.TrackingMetrics)]
+    ros = decoded(metrics)
+    assert (ros.seq, ros.num_poses, ros.ate_rmse_m, ros.rpe_rmse_m) == (7, 3, 0.002, 0.001)
+    assert (ros.last_error_m, ros.last_error_rad) == (0.003, 0.001)
+
+
+@pytest.mark.parametrize(
+    ("severity", "level"), [(m.Severity.INFO, 20), (m.Severity.WARNING, 30), (m.Severity.ERROR, 40)]
+)
+def test_events_keep_source_and_severity(severity, level):
+    log = decoded(m.Event(**AT, frame="", source="sim", severity=severity, text="q1 is 3.0: limit is 1.57"))
+    assert (log.level, log.name, log.msg) == (level, "sim", "q1 is 3.0: limit is 1.57")
+    assert stamp_of(log) == (12, 345_678_901)
+
+
+def test_health_lists_each_counter_of_each_key():
+    count = m.ChannelCount(key="tf", num_sent=350, num_missed=2, last_seq=349)
+    (status,) = decoded(
+        m.Health(**AT, frame="", service="sim", uptime_s=3.5, rss_bytes=50, busy_ratio=0.25, channels=(count,))
+    ).status
+    assert (status.name, status.level) == ("sim", 0)
+    assert {pair.key: pair.value for pair in status.values} == {
+        "uptime_s": "3.500",
+        "rss_bytes": "50",
+        "busy_ratio": "0.250",
+        "tf num_sent": "350",
+        "tf num_received": "0",
+        "tf num_missed": "2",
+        "tf num_dropped": "0",
+        "tf num_refused": "0",
+        "tf last_seq": "349",
+    }
+
+
+def test_a_message_without_a_ros_form_is_refused_by_name():
+    with pytest.raises(MessageError, match="ChannelCount has no ROS form"):
+        to_cdr(m.ChannelCount(key="tf"), 0)
+
+
+@pytest.mark.parametrize("stamp_ns", [-1, MAX_STAMP_NS + 1])
+def test_a_stamp_that_is_no_ros_time_is_refused(stamp_ns):
+    with pytest.raises(MessageError, match="stamp_ns"):
+        to_cdr(m.Clock(stamp_ns=stamp_ns, seq=0, frame="world"), stamp_ns)
+    assert decoded(m.Clock(**AT, frame="world"), MAX_STAMP_NS).clock.sec == 2**31 - 1
+
+
+def test_schemas_contain_what_they_use():
+    text = schema_text("hyrecro_msgs/msg/LegState")
+    assert text.startswith(OWN_DEFINITIONS["hyrecro_msgs/msg/LegState"])
+    assert "MSG: geometry_msgs/Quaternion\nfloat64 x" in text
+    with pytest.raises(KeyError, match="no such ROS 2 type"):
+        schema_text("hyrecro_msgs/msg/Leg")
