@@ -91,14 +91,14 @@ class MapperConfig(Section):
 
     method: Literal["gicp"] = "gicp"
     min_range_m: float = Field(0.5, ge=0, le=100)
-    """Beyond the robot's own reach: its feet come up to 0.44 m near the sensor, and moving parts do not belong in a map."""
+    """Beyond the robot's own reach: its feet come to 0.44 m of the sensor, and moving parts do not belong in a map."""
     max_range_m: float = Field(10.0, gt=0, le=1000)
     voxel_size_m: float = Field(0.05, gt=0, le=10)
     """Edge of the voxels that thin scans and map; finer maps cost time with its square."""
     max_map_points: int = Field(500_000, ge=1000, le=100_000_000)
     """The map stops growing here; a point costs some 200 bytes."""
     keyframe_novelty: float = Field(0.05, ge=0, le=1)
-    """A scan enters the map when the shares which the map did not explain, summed since the last that did, exceed this."""
+    """A scan enters the map when what the map did not explain, as shares of the scans since, adds up to this."""
     max_correspondence_m: float = Field(0.1, gt=0, le=10)
     """Pairs of scan and map may be so far apart: below the bars' width, or a bar's two faces are mixed up."""
     search_correspondence_m: float = Field(1.0, gt=0, le=100)

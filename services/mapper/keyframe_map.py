@@ -1,0 +1,49 @@
+"""The map, which grows by keyframes, and the registration on the part of it that is in reach."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.mapper.methods import METHODS
+from services.mapper.registration import Points, Registration
+from services.mapper.voxel_map import VoxelMap
+from shared.geometry import SE3
+from shared.runtime.config import MapperConfig
+
+
+class KeyframeMap:
+    """A voxel map of keyframes: the first scan, which puts the map frame where the lidar is, and those that show more.
+
+    registration: aligns scans to the map as of the last keyframe, out to twice the lidar's gate from there.
+    """
+
+    def __init__(self, points_lidar_m: Points, config: MapperConfig) -> None:
+        self._config = config
+        self._voxels = VoxelMap(config.voxel_size_m, config.max_map_points)
+        self._insert(points_lidar_m, SE3.identity())
+
+    def __len__(self) -> int:
+        return len(self._voxels)
+
+    @property
+    def points_m(self) -> NDArray[np.float64]:
+        """A copy of the map (N, 3), in the map frame."""
+        return self._voxels.points_m
+
+    def add(self, points_lidar_m: Points, T_map_lidar: SE3) -> None:
+        """Takes a located scan (N, 3); it becomes a keyframe if the map has failed to explain enough since the last.
+
+        What a single scan shows is not lost for being small: unexplained shares add up until they are let in.
+        """
+        distances_m = self.registration.distances(T_map_lidar.apply(points_lidar_m))
+        self._novelty += float(np.mean(distances_m > self._config.max_correspondence_m))
+        if self._novelty > self._config.keyframe_novelty:
+            self._insert(points_lidar_m, T_map_lidar)
+
+    def _insert(self, points_lidar_m: Points, T_map_lidar: SE3) -> None:
+        self._voxels.insert(T_map_lidar.apply(points_lidar_m))
+        self._novelty = 0.0
+        points_m = self._voxels.points_m
+        is_near = np.linalg.norm(points_m - T_map_lidar.translation, axis=1) <= 2.0 * self._config.max_range_m
+        self.registration: Registration = METHODS[self._config.method](points_m[is_near], self._config)

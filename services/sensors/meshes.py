@@ -1,0 +1,92 @@
+"""Closed triangle meshes of simple shapes, centred on their own frame, wound counter-clockwise seen from outside."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry import SE3
+from shared.robot.description import Box, Cylinder, Shape, Sphere
+
+_NUM_SEGMENTS = 32
+"""Facets round a cylinder or sphere: the sagitta of a 20 mm piston is then 0.1 mm, far below the range noise."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """Triangles (T, 3) of indices into vertices (V, 3) in metres."""
+
+    vertices_m: NDArray[np.floating]
+    triangles: NDArray[np.uint32]
+
+    def moved(self, T_a_b: SE3) -> Mesh:
+        """The mesh given in frame b, in frame a."""
+        return Mesh(T_a_b.apply(self.vertices_m), self.triangles)
+
+
+def link_meshes(shapes: Iterable[Shape]) -> dict[str, Mesh]:
+    """One mesh a link that has shapes, in the link's frame."""
+    parts: dict[str, list[Mesh]] = defaultdict(list)
+    for shape in shapes:
+        parts[shape.link].append(shape_mesh(shape.geometry).moved(shape.T_link_shape))
+    return {link: merged(meshes) for link, meshes in parts.items()}
+
+
+def shape_mesh(geometry: Box | Cylinder | Sphere) -> Mesh:
+    """The mesh of a shape of a URDF."""
+    match geometry:
+        case Box(size_m):
+            return box(size_m)
+        case Cylinder(radius_m, length_m):
+            return cylinder(radius_m, length_m)
+        case Sphere(radius_m):
+            return sphere(radius_m)
+
+
+def box(size_m: Sequence[float]) -> Mesh:
+    """A box of edge lengths x, y, z."""
+    signs = np.array([[(i >> axis & 1) - 0.5 for axis in range(3)] for i in range(8)])
+    quads = [(0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6)]
+    return Mesh(signs * np.asarray(size_m, dtype=np.float64), _triangulated(quads))
+
+
+def cylinder(radius_m: float, length_m: float) -> Mesh:
+    """A cylinder along z."""
+    angle = 2 * np.pi / _NUM_SEGMENTS * np.arange(_NUM_SEGMENTS)
+    ring = np.stack([radius_m * np.cos(angle), radius_m * np.sin(angle)], axis=1)
+    bottom, top = (np.column_stack([ring, np.full(_NUM_SEGMENTS, z)]) for z in (-length_m / 2, length_m / 2))
+    i = np.arange(_NUM_SEGMENTS)
+    j = (i + 1) % _NUM_SEGMENTS
+    sides = _triangulated(np.stack([i, j, j + _NUM_SEGMENTS, i + _NUM_SEGMENTS], axis=1))
+    fan = np.stack([np.zeros(_NUM_SEGMENTS - 2, dtype=int), i[1:-1], j[1:-1]], axis=1)
+    caps = np.concatenate([fan[:, ::-1], fan + _NUM_SEGMENTS]).astype(np.uint32)
+    return Mesh(np.concatenate([bottom, top]), np.concatenate([sides, caps]))
+
+
+def sphere(radius_m: float) -> Mesh:
+    """A sphere of rings of latitude; those at the poles collapse to a point each."""
+    num_rings = _NUM_SEGMENTS // 2 + 1
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, num_rings)[:, np.newaxis]
+    longitude = 2 * np.pi / _NUM_SEGMENTS * np.arange(_NUM_SEGMENTS)[np.newaxis, :]
+    x, y = np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude)
+    z = np.broadcast_to(np.sin(latitude), x.shape)
+    i = np.arange(_NUM_SEGMENTS)
+    ring = np.stack([i, np.roll(i, -1), np.roll(i, -1) + _NUM_SEGMENTS, i + _NUM_SEGMENTS], axis=1)
+    quads = np.concatenate([ring + k * _NUM_SEGMENTS for k in range(num_rings - 1)])
+    return Mesh(radius_m * np.stack([x, y, z], axis=-1).reshape(-1, 3), _triangulated(quads))
+
+
+def merged(meshes: Sequence[Mesh]) -> Mesh:
+    """All meshes as one; they must share a frame."""
+    offsets = np.cumsum([0] + [len(mesh.vertices_m) for mesh in meshes[:-1]])
+    triangles = [mesh.triangles + np.uint32(offset) for mesh, offset in zip(meshes, offsets, strict=True)]
+    return Mesh(np.concatenate([mesh.vertices_m for mesh in meshes]), np.concatenate(triangles))
+
+
+def _triangulated(quads: Sequence[tuple[int, int, int, int]] | NDArray[np.integer]) -> NDArray[np.uint32]:
+    a, b, c, d = np.asarray(quads, dtype=np.uint32).T
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])

@@ -1,0 +1,135 @@
+import itertools
+
+import numpy as np
+import pytest
+
+from services.mapper.odometry import Mapper
+from shared.geometry import SE3
+from shared.messaging.messages import LidarScan, MapStatus, Odometry, PointCloud
+from shared.runtime.config import MapperConfig
+
+PERIOD_NS = 100_000_000
+
+
+def room(seed):
+    """Points (N, 3) on the walls of a room of 4 x 3 x 2.4 m with a pillar, in the world."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for size, centre in (((4.0, 3.0, 2.4), (0, 0, 0)), ((0.3, 0.3, 2.4), (0.9, 0.7, 0))):
+        points = rng.uniform(-0.5, 0.5, (3000, 3))
+        axis = rng.integers(0, 3, 3000)
+        points[np.arange(3000), axis] = np.sign(points[np.arange(3000), axis]) / 2
+        parts.append(points * size + centre)
+    points = np.vstack(parts)
+    return points + 0.003 * rng.standard_normal(points.shape)
+
+
+def scan(k, T_world_lidar=None, points=None, seq=None):
+    if points is None:
+        points = (T_world_lidar or SE3.identity()).inv().apply(room(seed=k))
+    num = len(points)
+    return LidarScan(
+        stamp_ns=k * PERIOD_NS,
+        seq=k if seq is None else seq,
+        frame="lidar",
+        points_m=points,
+        intensity=np.zeros(num),
+        t_ns=np.zeros(num),
+        ring=np.zeros(num),
+    )
+
+
+def pose(k):
+    """A curve at 0.2 m/s that turns by 17 degrees a second."""
+    return SE3.exp(k * np.array([0.02, 0.005, 0.0, 0.0, 0.0, 0.03]))
+
+
+@pytest.fixture
+def mapper():
+    ticks = itertools.count(0, 2_000_000)
+    return Mapper(MapperConfig(), clock_ns=lambda: next(ticks))
+
+
+def only(kind, messages):
+    (message,) = (message for message in messages if type(message) is kind)
+    return message
+
+
+def feed(mapper, scans):
+    return [mapper.add_scan(each, received_ns=0) for each in scans]
+
+
+def test_it_follows_a_curve(mapper):
+    answers = feed(mapper, [scan(k, pose(k)) for k in range(12)])
+    for k, messages in enumerate(answers):
+        odometry, status = only(Odometry, messages), only(MapStatus, messages)
+        error = pose(k).inv() @ SE3.from_xyz_quat_xyzw(odometry.T_frame_child)
+        assert np.linalg.norm(error.translation) < 0.005
+        assert error.angle_rad < 0.005
+        assert (odometry.frame, odometry.child_frame, odometry.seq) == ("map", "lidar_estimated", k)
+        assert (status.is_tracking, status.scan_seq, status.method) == (True, k, "gicp")
+    assert only(Odometry, answers[-1]).covariance is not None
+
+
+def test_the_map_comes_at_its_rate_and_holds_the_room(mapper):
+    answers = feed(mapper, [scan(k, pose(k)) for k in range(12)])
+    clouds = [message for messages in answers for message in messages if isinstance(message, PointCloud)]
+    assert [cloud.stamp_ns // PERIOD_NS for cloud in clouds] == [0, 10]
+    assert [cloud.seq for cloud in clouds] == [0, 1]
+    assert clouds[-1].frame == "map"
+    np.testing.assert_allclose(np.abs(clouds[-1].points_m).max(axis=0), [2.0, 1.5, 1.2], atol=0.03)
+
+
+def test_nothing_to_see_at_first_makes_no_map(mapper):
+    (messages,) = feed(mapper, [scan(0, points=np.empty((0, 3)))])
+    assert [type(message) for message in messages] == [MapStatus]
+    assert not messages[0].is_tracking
+    (messages,) = feed(mapper, [scan(1)])
+    assert only(MapStatus, messages).is_tracking
+
+
+@pytest.mark.parametrize("num_points", [0, 1, 19])
+def test_a_blind_scan_keeps_the_prediction_and_says_so(mapper, num_points):
+    feed(mapper, [scan(k, pose(k)) for k in range(4)])
+    before = only(MapStatus, feed(mapper, [scan(4, pose(4))])[0]).num_map_points
+    (messages,) = feed(mapper, [scan(5, points=np.ones((num_points, 3)))])
+    status = only(MapStatus, messages)
+    assert (status.is_tracking, status.fitness, status.num_map_points) == (False, None, before)
+    predicted = SE3.from_xyz_quat_xyzw(only(Odometry, messages).T_frame_child)
+    assert np.linalg.norm((pose(5).inv() @ predicted).translation) < 0.01
+
+
+def test_it_finds_back_after_blind_scans(mapper):
+    feed(mapper, [scan(k, pose(k)) for k in range(5)])
+    feed(mapper, [scan(k, points=np.empty((0, 3))) for k in range(5, 8)])
+    (messages,) = feed(mapper, [scan(8, pose(8))])
+    assert only(MapStatus, messages).is_tracking
+    found = SE3.from_xyz_quat_xyzw(only(Odometry, messages).T_frame_child)
+    assert np.linalg.norm((pose(8).inv() @ found).translation) < 0.005
+
+
+def test_another_place_is_not_taken_for_this_one(mapper):
+    feed(mapper, [scan(k) for k in range(3)])
+    elsewhere = np.random.default_rng(0).uniform(-3, 3, (5000, 3))
+    status = only(MapStatus, feed(mapper, [scan(3, points=elsewhere)])[0])
+    assert not status.is_tracking
+
+
+def test_missed_scans_are_counted(mapper):
+    answers = feed(mapper, [scan(0, seq=0), scan(1, seq=1), scan(2, seq=5)])
+    assert [only(MapStatus, messages).num_scans_missed for messages in answers] == [0, 0, 3]
+    assert [only(MapStatus, messages).seq for messages in answers] == [0, 1, 2]
+
+
+def test_times_are_those_of_the_clock_that_was_given(mapper):
+    status = only(MapStatus, feed(mapper, [scan(0)])[0])
+    assert status.registration_ms > 0
+    assert status.lag_ms > status.registration_ms
+
+
+def test_a_restarted_run_goes_on_where_the_map_began(mapper):
+    feed(mapper, [scan(k, pose(k)) for k in range(12)])
+    (messages,) = feed(mapper, [scan(0, seq=0)])
+    assert only(MapStatus, messages).is_tracking
+    found = SE3.from_xyz_quat_xyzw(only(Odometry, messages).T_frame_child)
+    assert np.linalg.norm(found.translation) < 0.005
