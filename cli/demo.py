@@ -1,0 +1,114 @@
+"""`hyrecro demo`: the whole line once - climb, sense, map, record - and a score of what came out."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from cli.options import resolved, service_arguments
+from cli.pipeline import Pipeline
+from cli.playback import play_trajectory
+from cli.report import RunReport, score_run
+from shared.runtime.config import Config
+from shared.runtime.exit_codes import Exit
+from shared.runtime.ports import free_endpoint
+from shared.runtime.run_folder import run_folder, run_name
+from shared.runtime.runner import StopSignal
+
+_SETTLE_S = 1.5
+"""After the last target the mapper finishes its last scan and publishes the map once more (1 Hz)."""
+
+
+def run_demo(config_path: Path, overrides: list[str], *, is_json: bool) -> int:
+    """Runs the demo; exit code 3 where the recording lost messages or the mapper lost track, 130 after Ctrl-C."""
+    config = resolved(config_path, overrides)
+    endpoint = free_endpoint(config.bus.endpoint)
+    if endpoint != config.bus.endpoint:
+        _say(f"{config.bus.endpoint} is taken, this run uses {endpoint}")
+    overrides = [*overrides, f"bus.endpoint={endpoint}", f"recorder.run={run_name(config.recorder)}"]
+    config = resolved(config_path, overrides)
+    folder = run_folder(config.recorder, config.recorder.run)
+    with StopSignal() as stop:
+        is_finished = _run_pipeline(config, service_arguments(config_path, overrides), folder, stop.is_set)
+    if not is_finished:
+        _say(f"stopped; what was recorded is in {folder}")
+        return stop.exit_code()
+    _say("scoring the run against the truth ...")
+    report = _write_results(folder, config)
+    if is_json:
+        print(json.dumps(report.figures, indent=2))
+    else:
+        _print_tables(report.figures, folder)
+    is_whole = report.figures["lost_messages"] == 0 and report.figures["num_scans_lost_tracking"] == 0
+    return Exit.FINE if is_whole else Exit.PARTIAL
+
+
+def _run_pipeline(config: Config, arguments: list[str], folder: Path, is_stopping: Callable[[], bool]) -> bool:
+    """Returns whether the climb was played to its end."""
+    with Pipeline(config.bus, arguments, logs_dir=folder / "logs") as pipeline:
+        pipeline.start(is_stopping, on_ready=lambda name: _say(f"{name} is ready"))
+        _say(f"climbing {config.player.trajectory.name}, recording {folder}/run.mcap")
+        is_finished = play_trajectory(config, lambda: is_stopping() or pipeline.ended_child() is not None)
+        pipeline.check()
+        deadline = time.monotonic() + _SETTLE_S
+        while is_finished and time.monotonic() < deadline and not is_stopping():
+            time.sleep(0.05)
+    return is_finished and not is_stopping()
+
+
+def _write_results(folder: Path, config: Config) -> RunReport:
+    from cli.pictures import draw_map
+    from services.recorder.recording import Recording
+    from shared.files import write_pcd, write_tum
+
+    report = score_run(Recording(folder / "run.mcap"), config)
+    write_pcd(folder / "map.pcd", report.map_points_m)
+    write_tum(folder / "trajectory.tum", report.estimated)
+    write_tum(folder / "truth.tum", report.true)
+    draw_map(folder / "map.png", report)
+    (folder / "report.json").write_text(json.dumps(report.figures, indent=2) + "\n")
+    return report
+
+
+def _print_tables(figures: dict[str, Any], folder: Path) -> None:
+    console = Console()
+    channels = Table("key", "published", "recorded", "lost", "Hz", title="messages")
+    for column in channels.columns[1:]:
+        column.justify = "right"
+    for key, counts in figures["channels"].items():
+        published = "-" if counts["published"] is None else str(counts["published"])
+        channels.add_row(key, published, str(counts["received"]), str(counts["lost"]), f"{counts['rate_hz']:.1f}")
+    console.print(channels)
+    scores = Table(show_header=False, title="score")
+    for name, text in _score_rows(figures):
+        scores.add_row(name, text)
+    console.print(scores)
+    files = " ".join(sorted(path.name for path in folder.iterdir() if path.is_file()))
+    console.print(f"files in {folder}: {files}", soft_wrap=True, highlight=False)
+    console.print(f"look at it:  rerun {folder}/run.mcap {folder}/layout", soft_wrap=True, highlight=False)
+
+
+def _score_rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
+    return [
+        ("trajectory, ATE RMSE", f"{figures['ate_rmse_m'] * 1000:.2f} mm over {figures['num_poses']} scans"),
+        ("trajectory, RPE RMSE", f"{figures['rpe_rmse_m'] * 1000:.2f} mm a scan"),
+        ("map accuracy, mean", f"{figures['map_accuracy_mean_m'] * 1000:.2f} mm over {figures['map_points']} points"),
+        (
+            "points off the planes",
+            f"{figures['off_plane_points']} (with the true poses {figures['off_plane_points_true_poses']})",
+        ),
+        ("time a scan, median", f"{figures['ms_per_scan_p50']:.1f} ms (95 %: {figures['ms_per_scan_p95']:.1f} ms)"),
+        ("messages lost", str(figures["lost_messages"])),
+        ("scans without tracking", str(figures["num_scans_lost_tracking"])),
+    ]
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)

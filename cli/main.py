@@ -1,0 +1,45 @@
+"""The `hyrecro` command: a file a family of verbs. Heavy modules are imported by the verb that needs them."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from types import FrameType
+
+import typer
+
+from cli import config_commands, pipeline_commands, robot_commands
+from shared.errors import ConfigError, HyrecroError, InputFileError
+from shared.runtime.exit_codes import Exit
+
+app = typer.Typer(
+    help="Simulate, sense, map and record lattice-climbing robots.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+pipeline_commands.register(app)
+app.add_typer(robot_commands.app, name="robot", help="Command the robot and read its state.")
+app.add_typer(config_commands.app, name="config", help="Show or check the configuration.")
+
+
+def main() -> None:
+    """Entry point: runs the command and ends with the project's exit codes."""
+    signal.signal(signal.SIGINT, _interrupted)
+    try:
+        app()
+    except (ConfigError, InputFileError) as error:
+        print(f"hyrecro: {error}", file=sys.stderr)
+        sys.exit(Exit.USAGE)
+    except HyrecroError as error:
+        print(f"hyrecro: {error}", file=sys.stderr)
+        sys.exit(Exit.FAILED)
+
+
+def _interrupted(_signum: int, _frame: FrameType | None) -> None:
+    sys.exit(Exit.INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()

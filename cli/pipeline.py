@@ -1,0 +1,158 @@
+"""Starts the router and the services as child processes, waits until they are ready, stops them in order."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+from shared.errors import BusError, HyrecroError
+from shared.messaging.bus import Bus, is_reachable
+from shared.runtime.config import BusConfig
+
+SERVICES: dict[str, list[str]] = {
+    "recorder": ["services.recorder"],
+    "evaluator": ["services.evaluator"],
+    "mapper": ["services.mapper"],
+    "lidar": ["services.sensors", "--sensor", "lidar"],
+    "sim": ["services.sim"],
+}
+START_GROUPS = (("recorder",), ("evaluator", "mapper", "lidar"), ("sim",))
+"""A group is started when the one before is ready: who listens before who speaks, so that nothing said is missed.
+
+They are stopped the other way round.
+"""
+
+_READY_TIMEOUT_S = 60.0
+_STOP_TIMEOUT_S = 10.0
+_PR_SET_PDEATHSIG = 1  # linux/prctl.h
+
+
+class PipelineError(HyrecroError):
+    """A service that does not start or dies; the text says which one and how."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Child:
+    name: str
+    process: subprocess.Popen[bytes]
+
+
+class Pipeline:
+    """The running processes. `arguments` (--config, --set ...) go to every service.
+
+    logs_dir: a file per process; None = they write to this process's stderr.
+    """
+
+    def __init__(self, bus: BusConfig, arguments: list[str], *, logs_dir: Path | None = None) -> None:
+        self._bus_config = bus
+        self._arguments = arguments
+        self._logs_dir = logs_dir
+        self._children: list[_Child] = []
+
+    def start(self, is_stopping: Callable[[], bool], on_ready: Callable[[str], None] = lambda name: None) -> None:
+        """Starts the router, then every service; returns when all are ready, or early when `is_stopping`.
+
+        Raises:
+            PipelineError: the endpoint is taken, or a service ended or is not ready in time.
+        """
+        endpoint = self._bus_config.endpoint
+        if endpoint.startswith("tcp/") and is_reachable(endpoint):
+            raise PipelineError(f"{endpoint} is taken: is another pipeline running? Set bus.endpoint to use another")
+        self._spawn("router", ["-m", "cli.main", "router", "--endpoint", endpoint])
+        self._wait_until(lambda: is_reachable(endpoint), "router", is_stopping)
+        on_ready("router")
+        with Bus(self._bus_config, is_stopping=is_stopping) as bus:
+            for group in START_GROUPS:
+                for name in group:
+                    self._spawn(name, ["-m", *SERVICES[name], *self._arguments])
+                for name in group:
+                    self._wait_until(lambda name=name: name in bus.alive(), name, is_stopping)  # type: ignore[misc]
+                    on_ready(name)
+
+    def ended_child(self) -> str | None:
+        """What to say of a child that ended though it should run, or None."""
+        for child in self._children:
+            if (code := child.process.poll()) is not None:
+                return f"{child.name} ended with exit code {code}{self._log_hint(child.name)}"
+        return None
+
+    def check(self) -> None:
+        """Raises:
+        PipelineError: a child has ended though it should run.
+        """
+        if (ended := self.ended_child()) is not None:
+            raise PipelineError(ended)
+
+    def stop(self) -> None:
+        """Ends every process, sources first, the recorder and the router last. Idempotent."""
+        while self._children:
+            child = self._children.pop()
+            if child.process.poll() is None:
+                child.process.send_signal(signal.SIGTERM)
+                try:
+                    child.process.wait(_STOP_TIMEOUT_S)
+                except subprocess.TimeoutExpired:
+                    child.process.kill()
+                    child.process.wait()
+
+    def _spawn(self, name: str, arguments: list[str]) -> None:
+        # Children stand in sessions of their own, so that Ctrl-C reaches this process alone and it decides the order.
+        output = None
+        if self._logs_dir is not None:
+            self._logs_dir.mkdir(parents=True, exist_ok=True)
+            output = (self._logs_dir / f"{name}.log").open("wb")
+        try:
+            process = subprocess.Popen(  # noqa: S603 - our own modules
+                [sys.executable, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT if output else None,
+                start_new_session=True,
+                preexec_fn=_end_with_parent,
+            )
+        finally:
+            if output is not None:
+                output.close()
+        self._children.append(_Child(name, process))
+
+    def _wait_until(self, is_ready: Callable[[], bool], name: str, is_stopping: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + _READY_TIMEOUT_S
+        while not is_stopping():
+            if (ended := self.ended_child()) is not None:
+                raise PipelineError(ended)
+            if is_ready():
+                return
+            if time.monotonic() > deadline:
+                raise PipelineError(f"{name} is not ready after {_READY_TIMEOUT_S:g} s{self._log_hint(name)}")
+            time.sleep(0.05)
+        raise BusError("stopped while starting")
+
+    def _log_hint(self, name: str) -> str:
+        if self._logs_dir is None:
+            return ""
+        path = self._logs_dir / f"{name}.log"
+        lines = path.read_text(errors="replace").strip().splitlines()[-3:]
+        return f" (see {path}): " + " | ".join(lines)
+
+    def __enter__(self) -> Pipeline:
+        return self
+
+    def __exit__(
+        self, _type: type[BaseException] | None, _error: BaseException | None, _tb: TracebackType | None
+    ) -> None:
+        self.stop()
+
+
+def _end_with_parent() -> None:
+    """Runs in the child before exec: SIGTERM when the parent is killed, so that no process is ever left behind."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() == 1:
+        os._exit(1)

@@ -1,0 +1,72 @@
+"""`hyrecro up`, `demo`, `router`, `doctor`: start the pipeline, or look at what it stands on."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Annotated
+
+import typer
+
+from cli.options import DEFAULT_CONFIG, ConfigOption, JsonOption, SetOption, resolved, service_arguments
+
+EndpointOption = Annotated[str | None, typer.Option(help="Where to listen; default bus.endpoint.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands to the top of the command tree."""
+    for command in (up, demo, router, doctor):
+        app.command()(command)
+
+
+def up(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None) -> None:
+    """Starts router, simulation, LiDAR, mapper, evaluator and recorder; Ctrl-C stops all of it."""
+    from cli.pipeline import Pipeline
+    from shared.runtime.run_folder import run_folder, run_name
+    from shared.runtime.runner import StopSignal
+
+    settings = resolved(config, set_)
+    name = run_name(settings.recorder)
+    stop = StopSignal()
+    arguments = service_arguments(config, [*(set_ or []), f"recorder.run={name}"])
+    with Pipeline(settings.bus, arguments) as pipeline:
+        pipeline.start(stop.is_set)
+        folder = run_folder(settings.recorder, name)
+        print(f"up at {settings.bus.endpoint}, recording {folder}/run.mcap; Ctrl-C stops", file=sys.stderr)
+        while not stop.is_set():
+            pipeline.check()
+            time.sleep(0.1)
+    raise typer.Exit(stop.exit_code())
+
+
+def demo(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None, is_json: JsonOption = False) -> None:
+    """Climbs, senses, maps and records once; then scores the map against the truth and says how to look at it."""
+    from cli.demo import run_demo
+
+    raise typer.Exit(run_demo(config, set_ or [], is_json=is_json))
+
+
+def router(endpoint: EndpointOption = None, config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None) -> None:
+    """Runs a Zenoh router, on loopback unless told otherwise."""
+    from shared.messaging.bus import open_router
+    from shared.runtime.runner import StopSignal
+
+    endpoint = endpoint or resolved(config, set_).bus.endpoint
+    stop = StopSignal()
+    with open_router(endpoint):
+        print(f"router listens at {endpoint}", file=sys.stderr)
+        while not stop.is_set():
+            time.sleep(0.1)
+    raise typer.Exit(stop.exit_code())
+
+
+def doctor(
+    alive: Annotated[str | None, typer.Option(help="Only check that this service is alive.")] = None,
+    config: ConfigOption = DEFAULT_CONFIG,
+    set_: SetOption = None,
+    is_json: JsonOption = False,
+) -> None:
+    """Checks this machine and the configuration; exit code 1 if something that is needed is missing."""
+    from cli.doctor import run_doctor
+
+    raise typer.Exit(run_doctor(config, set_ or [], alive=alive, is_json=is_json))

@@ -1,0 +1,126 @@
+"""`hyrecro robot`: command the robot and read its state."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cli.options import DEFAULT_CONFIG, ConfigOption, JsonOption, SetOption, resolved
+
+if TYPE_CHECKING:
+    from shared.messaging.bus import Bus
+    from shared.messaging.messages import Transforms
+
+app = typer.Typer(no_args_is_help=True)
+
+
+@app.command()
+def play(
+    trajectory: Annotated[Path, typer.Argument(metavar="FILE.csv", help="Header q1..q8; a target or C,...,C a row.")],
+    rate: Annotated[float | None, typer.Option(help="Steps a second; default 9.")] = None,
+    steps: Annotated[int | None, typer.Option(help="Steps a target; default 100.")] = None,
+    config: ConfigOption = DEFAULT_CONFIG,
+    set_: SetOption = None,
+) -> None:
+    """Plays a trajectory file on the running robot, and waits until it has reached every target."""
+    from cli.playback import play_trajectory
+    from shared.runtime.runner import StopSignal
+
+    overrides = [f"player.trajectory={trajectory.resolve()}", *(set_ or [])]
+    overrides += [f"player.rate_hz={rate}"] if rate is not None else []
+    overrides += [f"player.num_steps={steps}"] if steps is not None else []
+    stop = StopSignal()
+    is_finished = play_trajectory(resolved(config, overrides), stop.is_set)
+    if not is_finished:
+        raise typer.Exit(stop.exit_code())
+
+
+@app.command(context_settings={"ignore_unknown_options": True})  # or -0.6 would be taken for an option
+def joints(
+    q: Annotated[list[float], typer.Argument(help="q1..q8 in radians, q2 and q7 in metres.")],
+    duration: Annotated[float | None, typer.Option(help="Seconds the motion shall take.")] = None,
+    config: ConfigOption = DEFAULT_CONFIG,
+    set_: SetOption = None,
+) -> None:
+    """Sends a joint target; exit code 1 with the reason if the robot refuses it."""
+    from shared.messaging.bus import Bus
+    from shared.messaging.channels import JOINTS_TARGET
+    from shared.messaging.messages import JointTarget
+
+    with Bus(resolved(config, set_).bus) as bus:
+        bus.command(JOINTS_TARGET, JointTarget(q=q, duration_s=duration))  # type: ignore[arg-type]
+    typer.echo("accepted")
+
+
+@app.command()
+def leg(
+    foot: Annotated[str, typer.Argument(metavar="A|B", help="The foot that shall be fixed.")],
+    config: ConfigOption = DEFAULT_CONFIG,
+    set_: SetOption = None,
+) -> None:
+    """Changes the fixed foot; exit code 1 with the reason if the robot refuses."""
+    from shared.messaging.bus import Bus
+    from shared.messaging.channels import LEG_TARGET
+    from shared.messaging.messages import Foot, LegTarget
+
+    if foot not in Foot.__members__:
+        raise typer.BadParameter(f"{foot!r} is not a foot: A or B")
+    with Bus(resolved(config, set_).bus) as bus:
+        bus.command(LEG_TARGET, LegTarget(foot=Foot(foot)))
+    typer.echo("accepted")
+
+
+@app.command()
+def state(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None, is_json: JsonOption = False) -> None:
+    """Prints joints, fixed foot, pose of the hip and the services that are alive; exit code 1 without a robot."""
+    from shared.messaging.bus import Bus
+
+    with Bus(resolved(config, set_).bus) as bus:
+        now = _state(bus)
+    if is_json:
+        typer.echo(json.dumps(now))
+    else:
+        _print_state(now)
+    if now["q"] is None:
+        raise typer.Exit(1)
+
+
+def _state(bus: Bus) -> dict[str, Any]:
+    from shared.messaging.channels import JOINTS_STATE, LEG_STATE, TF
+    from shared.messaging.messages import JointState, LegState, Transforms
+
+    joints_state = bus.ask(JOINTS_STATE, JointState)
+    leg_state = bus.ask(LEG_STATE, LegState)
+    transforms = bus.ask(TF, Transforms)
+    return {
+        "stamp_s": None if joints_state is None else joints_state.stamp_ns / 1e9,
+        "q": None if joints_state is None else joints_state.q.tolist(),
+        "fixed_foot": None if leg_state is None else leg_state.fixed_foot.value,
+        "hip_xyz_quat_xyzw": None if transforms is None else _hip_pose(transforms),
+        "services": sorted(bus.alive()),
+    }
+
+
+def _hip_pose(transforms: Transforms) -> list[float]:
+    """x y z qx qy qz qw of the hip plate's centre in the world."""
+    from shared.messaging.frames import FrameTree
+    from shared.robot.kinematics import HYRECRO
+
+    pose: list[float] = (FrameTree(transforms).T_root("hip") @ HYRECRO.T_hip_plate).xyz_quat_xyzw.tolist()
+    return pose
+
+
+def _print_state(now: dict[str, Any]) -> None:
+    if now["q"] is None:
+        print("no simulation answers", file=sys.stderr)
+    else:
+        pose = now["hip_xyz_quat_xyzw"]
+        typer.echo(f"time        {now['stamp_s']:.2f} s")
+        typer.echo("joints      " + "  ".join(f"q{i} {value:+.4f}" for i, value in enumerate(now["q"], start=1)))
+        typer.echo(f"fixed foot  {now['fixed_foot']}")
+        typer.echo("hip         x {:+.4f}  y {:+.4f}  z {:+.4f} m   q {:+.4f} {:+.4f} {:+.4f} {:+.4f}".format(*pose))
+    typer.echo("services    " + (" ".join(now["services"]) or "none"))

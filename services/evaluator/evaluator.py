@@ -1,0 +1,90 @@
+"""Scores the mapper while it runs. The only place, but for reports, that sees both estimate and truth."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from typing import TypeVar
+
+from services.evaluator.trajectory_error import TrajectoryComparison
+from shared.geometry import SE3
+from shared.messaging.frames import FrameTree
+from shared.messaging.messages import Message, Odometry, TrackingMetrics, Transforms
+from shared.runtime.config import EvaluatorConfig
+
+M = TypeVar("M")
+
+TRUE_LIDAR_FRAME = "lidar"
+_MAX_WAITING = 1000
+
+
+class Evaluator:
+    """The facade: gets true transforms and odometry, pairs them by stamp, returns metrics at `config.rate_hz`.
+
+    With the first pair it also returns the static transform world -> map, so that the estimate can be drawn in the
+    world; the mapper itself never learns it.
+    """
+
+    def __init__(self, config: EvaluatorConfig) -> None:
+        self._period_ns = int(1e9 / config.rate_hz)
+        self._comparison = TrajectoryComparison()
+        self._true: OrderedDict[int, Transforms] = OrderedDict()
+        self._estimated: OrderedDict[int, Odometry] = OrderedDict()
+        self._due_ns = 0
+        self._num_metrics = 0
+
+    def add_transforms(self, transforms: Transforms) -> list[Message]:
+        """Notes the true transforms at this stamp."""
+        _remember(self._true, transforms.stamp_ns, transforms)
+        return self._pair(transforms.stamp_ns)
+
+    def add_odometry(self, odometry: Odometry) -> list[Message]:
+        """Notes the estimated pose at this stamp."""
+        _remember(self._estimated, odometry.stamp_ns, odometry)
+        return self._pair(odometry.stamp_ns)
+
+    def _pair(self, stamp_ns: int) -> list[Message]:
+        if stamp_ns not in self._true or stamp_ns not in self._estimated:
+            return []
+        transforms, odometry = self._true.pop(stamp_ns), self._estimated.pop(stamp_ns)
+        is_first = self._comparison.T_world_map is None
+        T_map_lidar = SE3.from_xyz_quat_xyzw(odometry.T_frame_child)
+        error = self._comparison.add(T_map_lidar, FrameTree(transforms).T_root(TRUE_LIDAR_FRAME))
+        messages: list[Message] = []
+        if is_first:
+            messages.append(self._world_to_map(stamp_ns, transforms.frame, odometry.frame))
+        if is_first or stamp_ns >= self._due_ns:
+            self._due_ns = stamp_ns + self._period_ns
+            messages.append(self._metrics(stamp_ns, odometry.frame, error))
+        return messages
+
+    def _world_to_map(self, stamp_ns: int, world: str, map_frame: str) -> Transforms:
+        T_world_map = self._comparison.T_world_map
+        assert T_world_map is not None
+        return Transforms(
+            stamp_ns=stamp_ns,
+            seq=0,
+            frame=world,
+            parents=(world,),
+            children=(map_frame,),
+            T_parent_child=T_world_map.xyz_quat_xyzw[None, :],
+        )
+
+    def _metrics(self, stamp_ns: int, map_frame: str, error: SE3) -> TrackingMetrics:
+        result = self._comparison.result()
+        self._num_metrics += 1
+        return TrackingMetrics(
+            stamp_ns=stamp_ns,
+            seq=self._num_metrics - 1,
+            frame=map_frame,
+            num_poses=result.num_poses,
+            ate_rmse_m=result.ate_rmse_m,
+            rpe_rmse_m=result.rpe_rmse_m,
+            last_error_m=float((error.translation @ error.translation) ** 0.5),
+            last_error_rad=error.angle_rad,
+        )
+
+
+def _remember(waiting: OrderedDict[int, M], stamp_ns: int, message: M) -> None:
+    waiting[stamp_ns] = message
+    while len(waiting) > _MAX_WAITING:
+        waiting.popitem(last=False)

@@ -1,0 +1,26 @@
+"""Clouds and trajectories as files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry import SE3
+
+
+def write_pcd(path: Path, points_m: NDArray[np.floating]) -> None:
+    """Points (N, 3) as a binary PCD of float32 x y z."""
+    from pypcd4 import PointCloud
+
+    PointCloud.from_xyz_points(points_m.astype(np.float32)).save(path)
+
+
+def write_tum(path: Path, poses: Iterable[tuple[int, SE3]]) -> None:
+    """Stamped poses in the TUM format, `t x y z qx qy qz qw`, seconds and metres at full precision."""
+    with path.open("w", encoding="ascii") as file:
+        for stamp_ns, pose in poses:
+            values = " ".join(repr(float(value)) for value in pose.xyz_quat_xyzw)
+            file.write(f"{stamp_ns // 10**9}.{stamp_ns % 10**9:09d} {values}\n")

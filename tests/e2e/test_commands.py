@@ -1,0 +1,118 @@
+"""People and programs command a running pipeline: the hyrecro command and the plain zenoh CLI."""
+
+import json
+import subprocess
+
+import pytest
+
+from shared.messaging.channels import CHANNELS, EVENTS, HEALTH, JOINTS_TARGET, LEG_STATE
+from shared.messaging.codec import decode
+from shared.messaging.inbox import Inbox
+from shared.messaging.messages import Event, Foot, Health, LegState
+from tests.e2e.conftest import ALL_SERVICES
+from tests.support.processes import BIN, wait_until
+
+pytestmark = pytest.mark.e2e
+
+POSTURE = [-0.6, 0, 0.6, 0, 0, 0.6, 0, -0.6]
+
+
+def fixed_foot(running):
+    with running.bus() as bus:
+        return bus.ask(LEG_STATE, LegState).fixed_foot
+
+
+def is_at(running, posture):
+    q = running.state()["q"]
+    return max(abs(a - b) for a, b in zip(q, posture, strict=True)) < 1e-9
+
+
+def test_state_tells_the_robot_and_who_is_alive(pipeline):
+    state = pipeline.state()
+    assert set(state["services"]) >= ALL_SERVICES
+    assert len(state["q"]) == 8
+    assert len(state["hip_xyz_quat_xyzw"]) == 7
+    text = pipeline.hyrecro("robot", "state")
+    assert text.returncode == 0
+    assert "fixed foot" in text.stdout
+
+
+def test_joints_by_zenoh_put_as_typed(pipeline):
+    put = pipeline.zenoh("put", "-k", "hyrecro/joints/target", "-v", json.dumps({"q": POSTURE}))
+    assert put.returncode == 0, put.stderr
+    wait_until(lambda: is_at(pipeline, POSTURE), "the posture of the put")
+
+
+def test_joints_by_the_hyrecro_command(pipeline):
+    result = pipeline.hyrecro("robot", "joints", "-0.1", "0", "0", "0", "0", "0", "0", "0.1")
+    assert (result.returncode, result.stdout) == (0, "accepted\n")
+    wait_until(lambda: is_at(pipeline, [-0.1, 0, 0, 0, 0, 0, 0, 0.1]), "the posture of the command")
+
+
+@pytest.mark.parametrize("foot", ["B", "A"])
+def test_foot_by_zenoh_put_and_get(pipeline, foot):
+    assert pipeline.zenoh("put", "-k", "hyrecro/leg/target", "-v", foot).returncode == 0
+    wait_until(lambda: fixed_foot(pipeline) is Foot(foot), f"foot {foot} fixed")
+    got = pipeline.zenoh("get", "-s", "hyrecro/leg/state", "--decoder", "msgpack")
+    assert json.loads(got.stdout)["fixed_foot"] == foot
+
+
+def test_foot_by_the_hyrecro_command(pipeline):
+    assert pipeline.hyrecro("robot", "leg", "B").stdout == "accepted\n"
+    assert fixed_foot(pipeline) is Foot.B
+    assert pipeline.hyrecro("robot", "leg", "C").returncode == 2
+
+
+def test_status_by_zenoh_subscribe(pipeline):
+    command = [BIN / "zenoh", "--mode", "client", "--connect", pipeline.endpoint]
+    arguments = ["subscribe", "-k", "hyrecro/map/status", "--decoder", "msgpack"]
+    with subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True) as process:
+        status = json.loads(process.stdout.readline())
+        process.terminate()
+    assert status["method"] == "gicp"
+    assert status["scan_seq"] >= 0
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        ('{"q": [3, 0, 0, 0, 0, 0, 0, 0]}', "q1"),
+        ('{"q": [0, 0, 0]}', "8"),
+        ('{"q": [0, 0, 0, 0, 0, NaN, 0, 0]}', "must be finite"),
+        ('{"q": [0.1], "names": ["knee"]}', "knee"),
+        ("rubbish", "list of numbers"),
+    ],
+)
+def test_what_is_refused_says_why_in_the_reply_and_on_events(pipeline, value, reason):
+    inbox = Inbox()
+    with pipeline.bus() as bus:
+        bus.subscribe(EVENTS, inbox)
+        wait_until(lambda: "sim" in bus.alive(), "a connected listener")
+        got = pipeline.zenoh("get", "-s", JOINTS_TARGET.key_expr, "-v", value)
+        assert reason in got.stderr
+        events = iter(lambda: decode(Event, inbox.take(timeout_s=10.0).payload), None)
+        event = next(event for event in events if event.source == "sim")
+    assert reason in event.text
+
+
+def test_garbage_on_every_key_kills_nothing(pipeline):
+    before = {health.service: health.uptime_s for health in healths(pipeline)}
+    for channel in CHANNELS:
+        key = channel.of("sim").key_expr
+        for value in ["\x81\xa1q", "{", "x" * 5000]:
+            pipeline.zenoh("put", "-k", key, "-v", value)
+
+    def has_counted():
+        by_service = {health.service: health for health in healths(pipeline)}
+        refused = {count.key for count in by_service["recorder"].channels if count.num_refused}
+        is_alive = all(by_service[name].uptime_s > before[name] for name in ALL_SERVICES)
+        return is_alive and {channel.of("sim").key_expr for channel in CHANNELS} <= refused
+
+    wait_until(has_counted, "every service alive and every refusal counted by the recorder")
+
+
+def healths(running):
+    with running.bus() as bus:
+        found = [bus.ask(HEALTH.of(name), Health) for name in sorted(ALL_SERVICES)]
+    assert None not in found
+    return found
