@@ -17,8 +17,6 @@ from shared.errors import MessageError
 from shared.messaging import messages as m
 
 UNKNOWN = float("nan")
-MAX_STAMP_NS = 2**31 * ros.NS_PER_S - 1
-"""builtin_interfaces/Time counts its seconds in an int32."""
 
 # sensor_msgs/msg/PointField: datatype constants
 _FLOAT32, _UINT32, _UINT16 = 7, 6, 4
@@ -56,8 +54,8 @@ def to_cdr(message: m.Message, stamp_ns: int) -> tuple[str, memoryview]:
     if form is None:
         known = ", ".join(sorted(message_type.__name__ for message_type in ROS_FORMS))
         raise MessageError(f"{type(message).__name__} has no ROS form; these have one: {known}")
-    if not 0 <= stamp_ns <= MAX_STAMP_NS:
-        raise MessageError(f"{type(message).__name__}: stamp_ns is {stamp_ns}, must be within 0 .. {MAX_STAMP_NS}")
+    if not 0 <= stamp_ns <= m.MAX_STAMP_NS:
+        raise MessageError(f"{type(message).__name__}: stamp_ns is {stamp_ns}, must be within 0 .. {m.MAX_STAMP_NS}")
     data = ros.typestore().serialize_cdr(form.build(message, stamp_ns), form.ros_type, little_endian=True)
     return form.ros_type, data
 

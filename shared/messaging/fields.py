@@ -20,6 +20,7 @@ from shared.errors import MessageError
 
 MAX_TEXT_CHARS = 16 * 1024 * 1024
 MAX_TUPLE_ITEMS = 100_000
+_QUATERNION_TOLERANCE = 1e-3
 _INT64_RANGE = (-(2**63), 2**63 - 1)
 
 
@@ -29,11 +30,13 @@ class Array:
 
     dtype: numpy dtype name. shape: fixed sizes, or names of sizes that must agree within one message.
     is_inline: a small array that travels as a list of numbers, so that any client can write and read it.
+    is_pose: the last axis is x y z and a quaternion x y z w, which must be of length 1.
     """
 
     dtype: str
     shape: tuple[int | str, ...]
     is_inline: bool = False
+    is_pose: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,10 +142,19 @@ def _checked_array(name: str, mark: Array, value: Any, sizes: dict[str, int]) ->
         where = np.argwhere(~np.isfinite(array))[0]
         place = ", ".join(str(i) for i in where)
         raise MessageError(f"{name}[{place}] is {array[tuple(where)]}: must be finite")
+    if mark.is_pose:
+        _check_quaternions(name, array)
     if array is value and array.flags.writeable:
         array = array.copy()
     array.setflags(write=False)
     return array
+
+
+def _check_quaternions(name: str, poses: NDArray[Any]) -> None:
+    lengths = np.linalg.norm(poses[..., 3:], axis=-1)
+    if (np.abs(lengths - 1.0) > _QUATERNION_TOLERANCE).any():
+        worst = float(lengths.flat[np.argmax(np.abs(lengths - 1.0))])
+        raise MessageError(f"{name} has a quaternion of length {worst:g}: must be 1")
 
 
 def shape_text(mark: Array) -> str:

@@ -21,8 +21,8 @@ from shared.messaging.fields import Array, checked, specs_of
 Joints = Annotated[NDArray[np.float64], Array("float64", (8,), is_inline=True)]
 """Values of q1..q8 in order: radians, and metres for q2 and q7."""
 
-Pose = Annotated[NDArray[np.float64], Array("float64", (7,), is_inline=True)]
-Poses = Annotated[NDArray[np.float64], Array("float64", ("N", 7))]
+Pose = Annotated[NDArray[np.float64], Array("float64", (7,), is_inline=True, is_pose=True)]
+Poses = Annotated[NDArray[np.float64], Array("float64", ("N", 7), is_pose=True)]
 NamedValues = Annotated[NDArray[np.float64], Array("float64", ("J",), is_inline=True)]
 Points = Annotated[NDArray[np.float32], Array("float32", ("N", 3))]
 PerPointFloat = Annotated[NDArray[np.float32], Array("float32", ("N",))]
@@ -30,6 +30,8 @@ PerPointTime = Annotated[NDArray[np.uint32], Array("uint32", ("N",))]
 PerPointRing = Annotated[NDArray[np.uint16], Array("uint16", ("N",))]
 Covariance = Annotated[NDArray[np.float64], Array("float64", (6, 6), is_inline=True)]
 
+MAX_STAMP_NS = 2**31 * 10**9 - 1
+"""ROS 2 counts the seconds of a time in an int32 (builtin_interfaces/Time)."""
 JOINT_NAMES = ("q1", "q2", "q3", "q4", "q5", "q6", "q7", "q8")
 
 
@@ -85,11 +87,21 @@ def _is_same(a: Any, b: Any) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Measurement(Message):
-    """Base of everything that was measured or computed at one simulated time."""
+    """Base of everything that was measured or computed at one simulated time.
+
+    stamp_ns: from 0 to 2^31 seconds, what a ROS time can say. seq: from 0 up.
+    """
 
     stamp_ns: int
     seq: int
     frame: str
+
+    def __post_init__(self) -> None:
+        Message.__post_init__(self)
+        if not 0 <= self.stamp_ns <= MAX_STAMP_NS:
+            raise MessageError(f"stamp_ns is {self.stamp_ns}, must be within 0..{MAX_STAMP_NS}")
+        if self.seq < 0:
+            raise MessageError(f"seq is {self.seq}, must not be negative")
 
 
 # ---- commands

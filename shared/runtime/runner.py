@@ -14,7 +14,7 @@ from types import FrameType
 import psutil
 import structlog
 
-from shared.errors import CodecError, ConfigError, HyrecroError, InputFileError, RefusedError
+from shared.errors import CodecError, ConfigError, HyrecroError, InputFileError, MessageError, RefusedError
 from shared.messaging.bus import Bus
 from shared.messaging.channels import EVENTS, HEALTH, Channel
 from shared.messaging.codec import decode, decode_command
@@ -34,6 +34,8 @@ BuildNode = Callable[[Config, Context], Node]
 _HEALTH_PERIOD_S = 1.0
 _MAX_WAIT_S = 0.1
 _DRAIN_QUIET_S = 0.3
+_MAX_DRAIN_S = 5.0
+"""Half of what a supervisor waits before it kills."""
 _MAX_TIMER_DELAY_S = 0.5
 """A timer that is later than this does not catch up: simulated time then runs slower than wall time."""
 
@@ -168,7 +170,8 @@ class ServiceLoop:
 
     def _drain(self) -> None:
         """What was sent before the end was asked for may still be under way: it is taken until nothing more comes."""
-        while (parcel := self._inbox.take(_DRAIN_QUIET_S)) is not None:
+        deadline_s = time.monotonic() + _MAX_DRAIN_S
+        while time.monotonic() < deadline_s and (parcel := self._inbox.take(_DRAIN_QUIET_S)) is not None:
             self._handle(parcel)
 
     def _handle(self, parcel: Parcel) -> None:
@@ -183,23 +186,23 @@ class ServiceLoop:
                 return
             self._traffic.received(key, message)
             self._send(self._node.inputs[channel](message))
-        except (CodecError, RefusedError) as error:
+        except (CodecError, MessageError, RefusedError, InputFileError) as error:
             self._refuse(parcel, f"{key}: {error}")
-        except InputFileError as error:
-            self._refuse(parcel, f"{key}: {error}", Severity.ERROR)
         else:
             if parcel.reply is not None:
                 parcel.reply(True, "")
 
-    def _refuse(self, parcel: Parcel, reason: str, severity: Severity = Severity.WARNING) -> None:
+    def _refuse(self, parcel: Parcel, reason: str) -> None:
         self._traffic.refused(parcel.key)
         log.warning("refused", reason=reason)
+        if parcel.channel is EVENTS:
+            return  # an event about an event could be refused in turn, without end
         event = Event(
             stamp_ns=self._traffic.stamp_ns,
             seq=self._num_events,
             frame="",
             source=self._node.name,
-            severity=severity,
+            severity=Severity.WARNING,
             text=reason,
         )
         self._num_events += 1

@@ -58,6 +58,15 @@ def test_arrays_are_read_only(message):
     assert all(not array.flags.writeable for array in arrays)
 
 
+def test_stamps_and_numbers_that_cannot_be_are_refused(message):
+    plain = msgpack.unpackb(encode(message))
+    for name, value in (("stamp_ns", -1), ("stamp_ns", 2**62), ("seq", -1)):
+        if name in plain:
+            with pytest.raises(CodecError, match=f"{name} is {value}"):
+                decode(type(message), msgpack.packb(plain | {name: value}))
+    assert isinstance(message, m.Measurement) == ("stamp_ns" in plain)
+
+
 def test_measurements_carry_stamp_seq_and_frame(message):
     is_plain = isinstance(message, m.JointTarget | m.LegTarget | m.ChannelCount)
     assert is_plain or (message.stamp_ns >= 0 and message.seq >= 0 and isinstance(message.frame, str))

@@ -3,12 +3,33 @@
 import json
 import subprocess
 
+import numpy as np
 import pytest
 
-from shared.messaging.channels import CHANNELS, EVENTS, HEALTH, JOINTS_TARGET, LEG_STATE
+from shared.messaging.channels import (
+    CHANNELS,
+    EVENTS,
+    HEALTH,
+    JOINTS_TARGET,
+    LEG_STATE,
+    LIDAR_POINTS,
+    ROBOT_DESCRIPTION,
+    STRUCTURE_DESCRIPTION,
+    TF,
+)
 from shared.messaging.codec import decode
 from shared.messaging.inbox import Inbox
-from shared.messaging.messages import Event, Foot, Health, LegState
+from shared.messaging.messages import (
+    MAX_STAMP_NS,
+    Event,
+    Foot,
+    Health,
+    LegState,
+    LidarScan,
+    RobotDescription,
+    StructureDescription,
+    Transforms,
+)
 from tests.e2e.conftest import ALL_SERVICES
 from tests.support.processes import BIN, wait_until
 
@@ -97,18 +118,45 @@ def test_what_is_refused_says_why_in_the_reply_and_on_events(pipeline, value, re
 
 def test_garbage_on_every_key_kills_nothing(pipeline):
     before = {health.service: health.uptime_s for health in healths(pipeline)}
-    for channel in CHANNELS:
-        key = channel.of("sim").key_expr
-        for value in ["\x81\xa1q", "{", "x" * 5000]:
-            pipeline.zenoh("put", "-k", key, "-v", value)
+    keys = {channel.of("sim").key_expr for channel in CHANNELS}
+    lines = [f"{key} {value}\n" for key in sorted(keys) for value in ("\x81\xa1q", "{", "x" * 5000)]
+    put = pipeline.zenoh("put", "--line", "{key} {value}", stdin="".join(lines))
+    assert put.returncode == 0, put.stderr
 
     def has_counted():
         by_service = {health.service: health for health in healths(pipeline)}
         refused = {count.key for count in by_service["recorder"].channels if count.num_refused}
         is_alive = all(by_service[name].uptime_s > before[name] for name in ALL_SERVICES)
-        return is_alive and {channel.of("sim").key_expr for channel in CHANNELS} <= refused
+        return is_alive and keys <= refused
 
     wait_until(has_counted, "every service alive and every refusal counted by the recorder")
+
+
+def test_well_formed_nonsense_kills_nothing(pipeline):
+    nowhere = Transforms(
+        stamp_ns=MAX_STAMP_NS, seq=0, frame="moon", parents=("moon",), children=("base",), T_parent_child=np.eye(7)[6:]
+    )
+    no_urdf = {"stamp_ns": 0, "seq": 0, "frame": "", "urdf": "<robot <"}
+    empty = {"points_m": np.empty((0, 3)), "intensity": [], "t_ns": [], "ring": []}
+    nonsense = {
+        TF: nowhere,
+        ROBOT_DESCRIPTION: RobotDescription(**no_urdf),
+        STRUCTURE_DESCRIPTION: StructureDescription(**no_urdf),
+        LIDAR_POINTS: LidarScan(stamp_ns=0, seq=10**12, frame="x", **empty),
+    }
+    before = {health.service: health.uptime_s for health in healths(pipeline)}
+    with pipeline.bus() as bus:
+        for channel, message in nonsense.items():
+            bus.advertise(channel)
+            bus.publish(channel, message)
+
+    def has_refused():
+        by_service = {health.service: health for health in healths(pipeline)}
+        refused = {count.key for count in by_service["lidar"].channels if count.num_refused}
+        keys = {channel.key_expr for channel in (ROBOT_DESCRIPTION, STRUCTURE_DESCRIPTION)}
+        return keys <= refused and all(by_service[name].uptime_s > before[name] + 1 for name in ALL_SERVICES)
+
+    wait_until(has_refused, "the descriptions refused by the lidar and every service alive")
 
 
 def healths(running):

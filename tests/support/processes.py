@@ -40,12 +40,15 @@ def wait_until(predicate: Callable[[], Any], what: str, deadline_s: float = 60.0
     raise AssertionError(f"not within {deadline_s:g} s: {what}")
 
 
-def run(*command: str | Path, timeout_s: float = 120.0, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
+def run(
+    *command: str | Path, timeout_s: float = 120.0, cwd: Path = ROOT, stdin: str = ""
+) -> subprocess.CompletedProcess[str]:
     """A command run to its end, output as text. `hyrecro`, `zenoh` and `rerun` are those of this environment."""
     name, *arguments = map(str, command)
     path = BIN / name
     return subprocess.run(
         [path if path.exists() else name, *arguments],
+        input=stdin,
         capture_output=True,
         text=True,
         timeout=timeout_s,
@@ -73,8 +76,8 @@ class Running:
     def hyrecro(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
         return run("hyrecro", *arguments, "--set", f"bus.endpoint={self.endpoint}")
 
-    def zenoh(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        return run("zenoh", "--mode", "client", "--connect", self.endpoint, *arguments)
+    def zenoh(self, *arguments: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
+        return run("zenoh", "--mode", "client", "--connect", self.endpoint, *arguments, stdin=stdin)
 
     def state(self) -> dict[str, Any]:
         state: dict[str, Any] = json.loads(self.hyrecro("robot", "state", "--json").stdout)

@@ -67,9 +67,16 @@ def test_columns_of_a_scan_must_have_one_length():
         LidarScan(stamp_ns=0, seq=0, frame="l", ring=[0, 0, 0], **columns)
 
 
+@pytest.mark.parametrize("quaternion", [[0, 0, 0, 0], [0, 0, 0, 1.1]])
+def test_a_pose_has_a_unit_quaternion(quaternion):
+    pose = [[1, 2, 3, 0, 0, 0, 1], [1, 2, 3, *quaternion]]
+    with pytest.raises(MessageError, match="T_parent_child has a quaternion of length"):
+        Transforms(stamp_ns=0, seq=0, frame="w", parents=("w", "w"), children=("a", "b"), T_parent_child=pose)
+
+
 def test_edges_must_have_one_length():
     with pytest.raises(MessageError, match="same length"):
-        Transforms(stamp_ns=0, seq=0, frame="world", parents=("world",), children=(), T_parent_child=np.zeros((1, 7)))
+        Transforms(stamp_ns=0, seq=0, frame="world", parents=("world",), children=(), T_parent_child=np.eye(7)[6:])
 
 
 def test_a_writable_array_of_the_sender_is_copied():

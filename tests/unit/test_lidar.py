@@ -117,6 +117,8 @@ def test_descriptions_and_transforms_that_do_not_fit():
         scanner().set_robot(robot('<robot name="r"><link name="body"/></robot>'))
     with pytest.raises(InputFileError, match="not well-formed"):
         scanner().set_structure(structure("<robot <"))
+    with pytest.raises(InputFileError, match="must be one link, is body, lidar"):
+        scanner().set_structure(structure(ROBOT))
     lonely = Transforms(
         stamp_ns=0, seq=0, frame="odom", parents=("odom",), children=("lidar",), T_parent_child=np.eye(7)[6:]
     )

@@ -29,4 +29,5 @@ def test_shapes_of_a_link_become_one_mesh_in_its_frame():
     meshes = link_meshes([*shapes, Shape("a", Box((1, 1, 1)), SE3.trans(x_m=-5.0))])
     assert set(meshes) == {"a", "b"}
     assert volume_m3(meshes["a"]) == pytest.approx(2.0)
+    assert sorted(set(meshes["a"].triangles.ravel().tolist())) == list(range(16))
     assert (meshes["a"].vertices_m[:, 0].min(), meshes["a"].vertices_m[:, 0].max()) == (-5.5, 5.5)
