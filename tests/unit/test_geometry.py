@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -24,32 +24,27 @@ def assert_same(T: SE3, other: SE3, tolerance: float = 1e-9) -> None:
     np.testing.assert_allclose(T.matrix, other.matrix, rtol=0, atol=tolerance)
 
 
-@settings(deadline=None)
 @given(transforms)
 def test_the_inverse_undoes(T):
     assert_same(T @ T.inv(), SE3.identity())
     assert_same(T.inv() @ T, SE3.identity())
 
 
-@settings(deadline=None)
 @given(transforms, transforms, transforms)
 def test_composition_is_associative(T_a_b, T_b_c, T_c_d):
     assert_same((T_a_b @ T_b_c) @ T_c_d, T_a_b @ (T_b_c @ T_c_d))
 
 
-@settings(deadline=None)
 @given(transforms, transforms, metres)
 def test_composition_maps_points_one_after_the_other(T_a_b, T_b_c, p_c):
     np.testing.assert_allclose((T_a_b @ T_b_c).apply(p_c), T_a_b.apply(T_b_c.apply(p_c)), rtol=0, atol=1e-9)
 
 
-@settings(deadline=None)
 @given(transforms)
 def test_exp_undoes_log(T):
     assert_same(SE3.exp(T.log()), T)
 
 
-@settings(deadline=None)
 @given(unit_vectors, st.floats(0, np.pi - 1e-3), metres)
 def test_log_undoes_exp(axis, angle, v):
     twist = np.concatenate([v, angle * axis])
@@ -62,7 +57,6 @@ def test_small_rotations_keep_their_digits(angle):
     np.testing.assert_allclose(SE3.exp(twist).log(), twist, rtol=0, atol=1e-13)
 
 
-@settings(deadline=None)
 @given(transforms)
 def test_quaternions_round_trip(T):
     assert_same(SE3.from_xyz_quat_xyzw(T.xyz_quat_xyzw), T)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from services.sim.world import World
@@ -50,14 +50,12 @@ def test_a_posture_that_moves_every_joint():
     np.testing.assert_allclose(T_footA_hip(q).translation, [-0.0025394753, 0.0359569154, 0.2817434375], atol=1e-10)
 
 
-@settings(deadline=None)
 @given(postures)
 def test_either_foot_may_be_the_fixed_one(q):
     loop = T_fixed_free(q, Foot.A) @ T_fixed_free(q, Foot.B)
     np.testing.assert_allclose(loop.matrix, np.eye(4), atol=1e-14)
 
 
-@settings(deadline=None)
 @given(postures)
 def test_the_urdf_has_the_same_frames(q):
     at = dict(zip(JOINT_NAMES, q, strict=True))

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -41,7 +41,6 @@ def test_no_way_takes_no_time():
 positions = arrays(np.float64, 2, elements=st.floats(-3, 3))
 
 
-@settings(deadline=None)
 @given(positions, positions, st.floats(0, 10))
 def test_no_joint_is_faster_than_its_limit(start, end, duration_s):
     motion = plan_motion(start, end, 0, MAX_VELOCITY, duration_s)
@@ -50,7 +49,6 @@ def test_no_joint_is_faster_than_its_limit(start, end, duration_s):
     assert motion.duration_ns >= duration_s * SECOND
 
 
-@settings(deadline=None)
 @given(positions, positions, positions, st.floats(0, 1))
 def test_a_new_target_on_the_way_makes_no_jump(start, end, new_end, share):
     motion = plan_motion(start, end, 0, MAX_VELOCITY)

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from shared.errors import ConfigError, InputFileError
@@ -50,7 +50,6 @@ def test_the_ground_is_a_box_below_its_height_around_the_bars():
 angles = st.one_of(st.floats(-np.pi, np.pi), st.sampled_from([0.0, np.pi / 2, -np.pi / 2, np.pi]))
 
 
-@settings(deadline=None)
 @given(st.tuples(angles, angles, angles), st.tuples(*[st.floats(-100, 100)] * 3))
 def test_urdf_says_where_each_bar_is(rpy_rad, centre_m):
     bar = Bar("b", (0.1, 0.2, 0.3), SE3.from_rpy(rpy_rad, centre_m))
