@@ -37,7 +37,7 @@ def play_trajectory(config: Config, is_stopping: Callable[[], bool]) -> bool:
             return messages
 
         node = dataclasses.replace(node_of(player, config), on_timer=tick)
-        run_node(node, config, Context(clock_ns=time.perf_counter_ns), is_stopping)
+        run_node(node, config, Context(clock_ns=time.monotonic_ns), is_stopping)
     return player.is_done
 
 

@@ -46,7 +46,7 @@ def run_service(name: str, build_node: BuildNode, arguments: argparse.Namespace 
     configure_logs(verbosity=arguments.verbosity, is_json=arguments.log_json)
     structlog.contextvars.bind_contextvars(service=name)
     stop = StopSignal()
-    context = Context(clock_ns=time.perf_counter_ns)
+    context = Context(clock_ns=time.monotonic_ns)
     try:
         config = load_config(arguments.config, arguments.set, os.environ)
         node = build_node(config, context)

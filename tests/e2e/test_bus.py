@@ -165,5 +165,8 @@ def test_a_taken_endpoint_is_one_clear_error(endpoint):
 
 def test_closing_twice_is_fine(endpoint):
     bus = Bus(BusConfig(endpoint=endpoint))
+    bus.announce("somebody")
     bus.close()
     bus.close()
+    with Bus(BusConfig(endpoint=endpoint)) as other:
+        assert other.alive() == set(), "its token is gone"

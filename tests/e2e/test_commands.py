@@ -156,7 +156,7 @@ def test_well_formed_nonsense_kills_nothing(pipeline):
         keys = {channel.key_expr for channel in (ROBOT_DESCRIPTION, STRUCTURE_DESCRIPTION)}
         return keys <= refused and all(by_service[name].uptime_s > before[name] + 1 for name in ALL_SERVICES)
 
-    wait_until(has_refused, "the descriptions refused by the lidar and every service alive")
+    assert wait_until(has_refused, "the descriptions refused by the lidar and every service alive")
 
 
 def healths(running):

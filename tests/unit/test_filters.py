@@ -42,6 +42,11 @@ def test_points_too_far_to_number_are_refused():
         voxel_keys(np.array([[2000.0, 0, 0]]), 0.001)
 
 
+def test_every_voxel_has_a_key_of_its_own():
+    cells = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 3), axis=-1).reshape(-1, 3)
+    assert len(set(voxel_keys(cells + 0.5, 1.0).tolist())) == 7**3
+
+
 def test_nothing_stays_nothing():
     assert thinned(np.empty((0, 3), dtype=np.float32), MapperConfig()).shape == (0, 3)
 
@@ -63,3 +68,11 @@ def test_the_map_is_bounded():
     voxels.insert(np.arange(90.0).reshape(30, 3))
     voxels.insert(np.arange(90.0).reshape(30, 3))
     assert len(voxels) == len(voxels.points_m) == 10
+
+
+def test_a_full_map_leaves_its_voxels_alone():
+    voxels = VoxelMap(1.0, max_voxels=1024)
+    voxels.insert(np.column_stack([np.arange(1024.0), np.zeros(1024), np.zeros(1024)]))
+    before = voxels.points_m
+    voxels.insert(np.full((5, 3), -7.0))
+    np.testing.assert_array_equal(voxels.points_m, before)

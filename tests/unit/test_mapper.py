@@ -133,3 +133,28 @@ def test_a_restarted_run_goes_on_where_the_map_began(mapper):
     assert only(MapStatus, messages).is_tracking
     found = SE3.from_xyz_quat_xyzw(only(Odometry, messages).T_frame_child)
     assert np.linalg.norm(found.translation) < 0.005
+
+
+def test_a_restarted_run_starts_from_rest_at_the_maps_origin():
+    mapper = Mapper(MapperConfig(max_jump_m=0.05), clock_ns=lambda: 0)
+    (*_, before) = feed(mapper, [scan(k, pose(min(k, 10))) for k in range(13)])
+    (messages,) = feed(mapper, [scan(0, seq=0)])
+    assert only(MapStatus, messages).is_tracking
+    assert only(MapStatus, messages).num_map_points == only(MapStatus, before).num_map_points
+
+
+def test_a_restarted_run_elsewhere_gets_a_new_map(mapper):
+    feed(mapper, [scan(k, pose(k)) for k in range(5)])
+    elsewhere = np.random.default_rng(0).uniform(2, 3, (500, 3))
+    (messages,) = feed(mapper, [scan(0, points=elsewhere)])
+    status, odometry = only(MapStatus, messages), only(Odometry, messages)
+    assert status.is_tracking
+    assert 0 < status.num_map_points <= 500
+    np.testing.assert_array_equal(odometry.T_frame_child, SE3.identity().xyz_quat_xyzw)
+
+
+def test_a_lost_scan_does_not_enter_the_map(mapper):
+    feed(mapper, [scan(k) for k in range(3)])
+    before = len(mapper.map_cloud().points_m)
+    feed(mapper, [scan(3, points=np.random.default_rng(0).uniform(-3, 3, (5000, 3)))])
+    assert len(mapper.map_cloud().points_m) == before

@@ -1,9 +1,12 @@
 """Every registration method finds a known pose, and says honestly what it does not know."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from services.mapper.methods import METHODS
+from services.mapper.registration import RegistrationResult
 from services.mapper.uncertainty import AXES, covariance, degenerate_axes
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
@@ -61,10 +64,38 @@ def test_a_corner_determines_every_axis(method):
     assert (deviations < 1e-3).all()
 
 
-def test_a_floor_leaves_sliding_and_turning_on_it_open(method):
-    result = method(floor(), CONFIG).align(seen(floor()), T_MAP_LIDAR, 0.2)
-    assert set(degenerate_axes(result.hessian)) == {"x", "y", "yaw"}
+def test_the_covariance_is_how_much_the_result_scatters(method):
+    target = method(corner(seed=1), CONFIG)
+    results = [target.align(seen(corner(seed=seed)), T_MAP_LIDAR, 0.2) for seed in range(10, 40)]
+    scatter_m = np.std([result.T_map_lidar.translation for result in results], axis=0)
+    expected_m = np.sqrt(np.diag(covariance(results[0])))[:3]
+    assert ((expected_m / scatter_m > 0.4) & (expected_m / scatter_m < 2.5)).all()
+
+
+@pytest.mark.parametrize(
+    ("points", "open_axes"),
+    [(floor(), {"x", "y", "yaw"}), (np.roll(floor(), 1, axis=1), {"y", "z", "roll"})],
+    ids=["floor", "wall"],
+)
+def test_one_plane_leaves_sliding_and_turning_on_it_open(method, points, open_axes):
+    T_map_lidar = SE3.rot("z", 0.5 * np.pi) @ SE3.rot("y", 0.3)
+    result = method(points, CONFIG).align(T_map_lidar.inv().apply(points), T_map_lidar, 0.2)
+    assert set(degenerate_axes(result.hessian)) == open_axes
     assert covariance(result) is None
+
+
+def test_the_score_is_the_explained_share_less_what_lies_off_the_surfaces():
+    perfect = RegistrationResult(
+        T_map_lidar=T_MAP_LIDAR,
+        is_converged=True,
+        num_iterations=1,
+        num_points=100,
+        num_inliers=80,
+        fitness_m2=0.0,
+        hessian=np.eye(6),
+    )
+    assert perfect.score == pytest.approx(0.8)
+    assert dataclasses.replace(perfect, fitness_m2=0.01**2).score == pytest.approx(0.4)
 
 
 def test_without_any_weight_every_axis_is_open():
