@@ -18,7 +18,8 @@ def covariance(result: RegistrationResult) -> NDArray[np.float64] | None:
     """Covariance (6, 6) of translation in metres, then rotation in radians, about the map's axes; None if undetermined.
 
     The inverse Hessian times the variance of a distance, as for any least squares: how well this scan repeats against
-    this map. The error which the map itself has accumulated is not in it.
+    this map. It met the scatter of repeated scans within a factor of two at 8 mm of range noise, and was too small by
+    three to eight at 30 mm. The error which the map itself has accumulated is not in it.
     """
     redundancy = result.num_inliers - len(AXES)
     if result.fitness_m2 is None or redundancy <= 0 or degenerate_axes(result.hessian):

@@ -22,6 +22,8 @@ M = TypeVar("M", bound=Message)
 
 _DROP_AFTER_US = 50_000
 """How long a LATEST message may wait for room on its link before it is dropped: half a LiDAR period."""
+_QUEUE_BATCHES = 16
+"""Zenoh's largest queue of a link, in batches of 64 KiB; its default is 2."""
 _QUERY_TIMEOUT_S = 2.0
 
 
@@ -160,6 +162,7 @@ def open_router(endpoint: str) -> Iterator[None]:
     settings.insert_json5("listen/endpoints", json.dumps([endpoint]))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
+    _set_queues(settings)
     try:
         session = zenoh.open(settings)
     except zenoh.ZError as error:
@@ -203,7 +206,7 @@ def _client_settings(config: BusConfig) -> zenoh.Config:
     settings.insert_json5("connect/timeout_ms", str(int(config.connect_timeout_s * 1000)))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
-    settings.insert_json5("transport/link/tx/queue/congestion_control/drop/wait_before_drop", str(_DROP_AFTER_US))
+    _set_queues(settings)
     settings.insert_json5("transport/shared_memory/enabled", json.dumps(config.shared_memory_mib > 0))
     if config.shared_memory_mib:
         pool = config.shared_memory_mib * 1024 * 1024
@@ -211,6 +214,12 @@ def _client_settings(config: BusConfig) -> zenoh.Config:
     if config.namespace:
         settings.insert_json5("namespace", json.dumps(config.namespace))
     return settings
+
+
+def _set_queues(settings: zenoh.Config) -> None:
+    """Room for short stalls on every hop, so that a busy machine does not make LATEST messages drop."""
+    settings.insert_json5("transport/link/tx/queue/size/data", str(_QUEUE_BATCHES))
+    settings.insert_json5("transport/link/tx/queue/congestion_control/drop/wait_before_drop", str(_DROP_AFTER_US))
 
 
 def _schema(encoding: zenoh.Encoding) -> str | None:

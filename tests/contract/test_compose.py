@@ -1,0 +1,53 @@
+"""docker-compose.yml: what it starts exists, and it listens to nobody but this machine."""
+
+import importlib.util
+from importlib.metadata import version
+
+import pytest
+import zenoh
+from ruamel.yaml import YAML
+
+from cli.pipeline import SERVICES
+from services.sensors.node import SENSORS
+from shared.messaging import bus
+from tests.support.processes import ROOT
+
+COMPOSE = YAML(typ="safe").load(ROOT / "docker-compose.yml")
+OWN = {name: service for name, service in COMPOSE["services"].items() if service["image"] == "hyrecro"}
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_each_command_names_a_service_that_exists(name):
+    module, *arguments = OWN[name]["command"]
+    assert importlib.util.find_spec(f"{module}.__main__") is not None
+    assert arguments in ([], ["--sensor", name])
+    assert module != "services.sensors" or name in SENSORS
+
+
+def test_it_starts_what_the_launcher_starts():
+    assert {name: OWN[name]["command"] for name in SERVICES} == SERVICES
+    assert set(OWN) - set(SERVICES) == {"player"}
+
+
+@pytest.mark.parametrize("name", SERVICES)
+def test_each_service_is_watched_and_restarted(name):
+    assert OWN[name]["restart"] == "on-failure"
+    assert OWN[name]["healthcheck"]["test"] == ["CMD", "hyrecro", "doctor", "--alive", name]
+
+
+def test_the_router_has_the_clients_version_and_listens_on_loopback():
+    router = COMPOSE["services"]["router"]
+    assert router["image"] == f"eclipse/zenoh:{version('eclipse-zenoh')}"
+    assert router["ports"] == ["127.0.0.1:7447:7447"]
+    assert router["shm_size"]
+    assert [name for name, service in COMPOSE["services"].items() if service.get("ports")] == ["router"]
+
+
+def test_the_routers_file_sets_what_the_embedded_router_sets():
+    queue = "transport/link/tx/queue"
+    router = zenoh.Config.from_file(ROOT / "configs" / "zenoh" / "router.json5")
+    embedded = zenoh.Config()
+    bus._set_queues(embedded)
+    assert router.get_json(queue) == embedded.get_json(queue)
+    assert router.get_json("scouting/multicast/enabled") == "false"
+    assert router.get_json("mode") == '"router"'
