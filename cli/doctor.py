@@ -82,7 +82,7 @@ def _disk(config: Config) -> Check:
     while not folder.exists():
         folder = folder.parent
     free_gib = shutil.disk_usage(folder).free / 2**30
-    return Check("disk", free_gib >= _MIN_DISK_GIB, f"{free_gib:.1f} GiB free for recordings (a climb takes about 1.5)")
+    return Check("disk", free_gib >= _MIN_DISK_GIB, f"{free_gib:.1f} GiB free for recordings (a climb takes about 0.5)")
 
 
 def _shared_memory() -> Check:

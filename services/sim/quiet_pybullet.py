@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 from collections.abc import Iterator
@@ -20,6 +21,7 @@ def _silence() -> Iterator[None]:
             os.dup2(nowhere, stream)
         yield
     finally:
+        ctypes.CDLL(None).fflush(None)  # what C has printed but not yet written goes to nowhere too
         for stream, copy in kept.items():
             os.dup2(copy, stream)
             os.close(copy)
