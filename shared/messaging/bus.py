@@ -63,9 +63,9 @@ class Bus:
     def publish(self, channel: Channel, message: Message) -> None:
         """Sends a message on an advertised channel."""
         payload = encode(message)
-        self._publishers[channel.key].put(payload)
-        if channel.is_kept:
+        if channel.is_kept:  # first, or a late joiner's question could fall between the two
             self._kept[channel.key] = (payload, f"{MIME};{schema_of(channel.message)}")
+        self._publishers[channel.key].put(payload)
 
     def subscribe(self, channel: Channel, inbox: Inbox, *, is_observer: bool = False) -> None:
         """Lets what comes on the channel into the inbox: messages, commands as queries, and the last kept message.

@@ -12,6 +12,7 @@ class FrameTree:
 
     def __init__(self, transforms: Transforms) -> None:
         self._root = transforms.frame
+        self._known = {self._root: SE3.identity()}
         self._edges = {
             child: (parent, row)
             for parent, child, row in zip(
@@ -19,23 +20,19 @@ class FrameTree:
             )
         }
 
-    def has(self, frame: str) -> bool:
-        """Whether the frame is the root or one of the children."""
-        return frame == self._root or frame in self._edges
-
     def T_root(self, frame: str) -> SE3:
         """T_root_frame: coordinates in `frame` to the root's.
 
         Raises:
             MessageError: the frame is unknown or not connected to the root.
         """
-        T_root_frame = SE3.identity()
-        visited = frame
-        for _ in range(len(self._edges) + 1):
-            if visited == self._root:
-                return T_root_frame
-            if visited not in self._edges:
-                break
-            visited, row = self._edges[visited]
-            T_root_frame = SE3.from_xyz_quat_xyzw(row) @ T_root_frame
-        raise MessageError(f"no path from {self._root!r} to frame {frame!r}")
+        chain: list[str] = []  # the frame and its parents, up to one whose place is known
+        while frame not in self._known:
+            if frame not in self._edges or frame in chain:
+                raise MessageError(f"no path from {self._root!r} to frame {chain[0] if chain else frame!r}")
+            chain.append(frame)
+            frame = self._edges[frame][0]
+        for child in reversed(chain):
+            parent, row = self._edges[child]
+            self._known[child] = self._known[parent] @ SE3.from_xyz_quat_xyzw(row)
+        return self._known[chain[0] if chain else frame]

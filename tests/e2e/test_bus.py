@@ -43,6 +43,12 @@ def scan(seq, num_points):
     return LidarScan(stamp_ns=seq, seq=seq, frame="lidar", **columns)
 
 
+def wait_until_known(declaring, asking):
+    """Returns when the other session sees a token, which was declared after everything else."""
+    declaring.announce("known")
+    wait_until(lambda: "known" in asking.alive(), "the token")
+
+
 def connected(publishing, subscribing, channel, first):
     """An inbox in which the first message of the publisher has arrived."""
     inbox = Inbox(max_bytes=2**28)
@@ -84,12 +90,12 @@ def test_a_late_joiner_asks_for_what_is_kept(buses):
     a, b = buses
     a.advertise(LEG_STATE)
     a.publish(LEG_STATE, leg_state(5, Foot.B))
+    assert wait_until(lambda: b.ask(LEG_STATE, LegState), "an answer") == leg_state(5, Foot.B)
     inbox = Inbox()
     b.subscribe(LEG_STATE, inbox)
     parcel = inbox.take(5.0)
     assert parcel.is_replay
     assert decode(LegState, parcel.payload).fixed_foot is Foot.B
-    assert b.ask(LEG_STATE, LegState) == leg_state(5, Foot.B)
 
 
 def test_nobody_answers_for_what_was_never_said(buses):
@@ -103,6 +109,7 @@ def test_a_command_is_answered(buses, is_accepted):
     robot, operator = buses
     inbox = Inbox()
     robot.subscribe(LEG_TARGET, inbox)
+    wait_until_known(robot, operator)
 
     def answer():
         parcel = inbox.take(10.0)
@@ -124,6 +131,7 @@ def test_an_observer_sees_commands_and_leaves_the_answer_to_the_robot(buses):
     observer, operator = buses
     inbox = Inbox(max_bytes=2**20)
     observer.subscribe(LEG_TARGET, inbox, is_observer=True)
+    wait_until_known(observer, operator)
     with pytest.raises(BusError, match="nobody answers"):
         operator.command(LEG_TARGET, LegTarget(foot=Foot.A), timeout_s=5.0)
     parcel = inbox.take(5.0)
@@ -144,7 +152,7 @@ def test_namespaces_keep_robots_apart(endpoint):
         b.advertise(LEG_STATE)
         a.publish(LEG_STATE, leg_state(1, Foot.A))
         b.publish(LEG_STATE, leg_state(2, Foot.B))
-        assert c.ask(LEG_STATE, LegState) == leg_state(2, Foot.B)
+        assert wait_until(lambda: c.ask(LEG_STATE, LegState), "an answer") == leg_state(2, Foot.B)
         a.announce("sim")
         b.announce("mapper")
         wait_until(c.alive, "a token")
