@@ -54,6 +54,8 @@ def _run_pipeline(config: Config, arguments: list[str], folder: Path, is_stoppin
     """Returns whether the climb was played to its end."""
     with Pipeline(config.bus, arguments, logs_dir=folder / "logs") as pipeline:
         pipeline.start(is_stopping, on_ready=lambda name: _say(f"{name} is ready"))
+        if is_stopping():
+            return False
         _say(f"climbing {config.player.trajectory.name}, recording {folder}/run.mcap")
         is_finished = play_trajectory(config, lambda: is_stopping() or pipeline.ended_child() is not None)
         pipeline.check()

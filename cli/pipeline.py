@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
-from shared.errors import BusError, HyrecroError
+from shared.errors import HyrecroError
 from shared.messaging.bus import Bus, is_reachable
 from shared.runtime.config import BusConfig
 
@@ -68,14 +68,19 @@ class Pipeline:
             raise PipelineError(f"{endpoint} is taken: is another pipeline running? Set bus.endpoint to use another")
         self._spawn("router", ["-m", "cli.main", "router", "--endpoint", endpoint])
         self._wait_until(lambda: is_reachable(endpoint), "router", is_stopping)
+        if is_stopping():
+            return
         on_ready("router")
         with Bus(self._bus_config, is_stopping=is_stopping) as bus:
             for group in START_GROUPS:
+                if is_stopping():
+                    return
                 for name in group:
                     self._spawn(name, ["-m", *SERVICES[name], *self._arguments])
                 for name in group:
                     self._wait_until(lambda name=name: name in bus.alive(), name, is_stopping)  # type: ignore[misc]
-                    on_ready(name)
+                    if not is_stopping():
+                        on_ready(name)
 
     def ended_child(self) -> str | None:
         """What to say of a child that ended though it should run, or None."""
@@ -133,7 +138,6 @@ class Pipeline:
             if time.monotonic() > deadline:
                 raise PipelineError(f"{name} is not ready after {_READY_TIMEOUT_S:g} s{self._log_hint(name)}")
             time.sleep(0.05)
-        raise BusError("stopped while starting")
 
     def _log_hint(self, name: str) -> str:
         if self._logs_dir is None:

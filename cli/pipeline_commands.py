@@ -32,7 +32,8 @@ def up(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None) -> None:
     with Pipeline(settings.bus, arguments) as pipeline:
         pipeline.start(stop.is_set)
         folder = run_folder(settings.recorder, name)
-        print(f"up at {settings.bus.endpoint}, recording {folder}/run.mcap; Ctrl-C stops", file=sys.stderr)
+        if not stop.is_set():
+            print(f"up at {settings.bus.endpoint}, recording {folder}/run.mcap; Ctrl-C stops", file=sys.stderr)
         while not stop.is_set():
             pipeline.check()
             time.sleep(0.1)

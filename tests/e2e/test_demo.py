@@ -88,6 +88,16 @@ def test_ctrl_c_leaves_no_process_and_a_whole_file(short_climb, tmp_path):
     assert run("rerun", "mcap", "check", tmp_path / "latest" / "run.mcap").returncode == 0
 
 
+@pytest.mark.parametrize("log", ["router.log", "mapper.log"])
+def test_ctrl_c_while_it_starts_leaves_no_process_either(log, tmp_path):
+    with started(hyrecro_command("demo"), tmp_path) as running:
+        wait_until(lambda: list(tmp_path.glob(f"*/logs/{log}")), f"{log}, the sign that this process was started")
+        children = running.children()
+        assert running.stop(signal.SIGINT) == 130
+    assert [child for child in children if child.is_running()] == []
+    assert "Traceback" not in (tmp_path / "stderr.txt").read_text()
+
+
 def test_a_killed_launcher_takes_its_services_along(tmp_path):
     with started(hyrecro_command("up"), tmp_path) as running:
         wait_for_services(running, ALL_SERVICES)
