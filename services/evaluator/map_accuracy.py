@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.geometry import SE3
-from shared.robot.description import Box, UrdfModel
+from shared.robot.description import UrdfModel
+from shared.solids import Box
 
 _RANSAC_ITERATIONS = 1000
 """As in the published evaluation of the original system : 11 planes, 0.04 m, 1000 iterations."""
@@ -35,9 +36,9 @@ def map_accuracy(points_world_m: NDArray[np.floating], structure: UrdfModel) -> 
         raise ValueError("the map has no points")
     distances = np.full(len(points_world_m), np.inf)
     for shape in structure.shapes:
-        if not isinstance(shape.geometry, Box) or shape.link != structure.root:
+        if not isinstance(shape.solid, Box) or shape.link != structure.root:
             raise ValueError(f"{shape.link}: only boxes on the root link can be compared with")
-        box_distances = distances_to_box(points_world_m, shape.geometry, shape.T_link_shape)
+        box_distances = distances_to_box(points_world_m, shape.solid, shape.T_link_shape)
         np.minimum(distances, box_distances, out=distances)
     return MapAccuracy(
         num_points=len(points_world_m),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sensors.meshes import Mesh, link_meshes
+from services.sensors.bodies import link_meshes
 from services.sensors.noise import add_range_noise
 from services.sensors.raycast import EmbreeRaycaster, Hits, Raycaster
 from services.sensors.scan_pattern import scan_directions
@@ -14,6 +14,7 @@ from shared.messaging.frames import FrameTree
 from shared.messaging.messages import LidarScan, RobotDescription, StructureDescription, Transforms
 from shared.robot.urdf import parse_urdf
 from shared.runtime.config import LidarConfig
+from shared.solids import Mesh
 
 _MAX_INTENSITY = 255.0
 

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sensors.meshes import Mesh
 from shared.geometry import SE3
+from shared.solids import Mesh
 
 NO_BODY = -1
 

@@ -12,7 +12,8 @@ from services.sim.poses import composed_poses, inverse_poses
 from services.sim.quiet_pybullet import pybullet
 from shared.errors import InputFileError
 from shared.geometry import SE3
-from shared.world.structure import Bar, Structure
+from shared.solids import Box
+from shared.world.structure import Member, Structure
 
 _ROOT_INDEX = -1
 """By which pybullet calls a body's root link; its other links are numbered from 0."""
@@ -30,7 +31,7 @@ class World:
     def __init__(self, urdf_text: str, joint_names: tuple[str, ...], structure: Structure) -> None:
         self._client: dict[str, int] = {"physicsClientId": pybullet.connect(pybullet.DIRECT)}
         self._robot = self._load_robot(urdf_text)
-        self._bars = [self._add_bar(bar) for bar in structure.bars]
+        self._bars = [self._add_bar(member) for member in structure.members]
         num_joints = pybullet.getNumJoints(self._robot, **self._client)
         infos = [pybullet.getJointInfo(self._robot, i, **self._client) for i in range(num_joints)]
         indices = {info[1].decode(): info[0] for info in infos}
@@ -92,10 +93,11 @@ class World:
                 self.close()
                 raise InputFileError(f"robot URDF: pybullet cannot load it: {error}") from error
 
-    def _add_bar(self, bar: Bar) -> int:
-        half_size = [length / 2 for length in bar.size_m]
+    def _add_bar(self, bar: Member) -> int:
+        assert isinstance(bar.solid, Box)
+        half_size = [length / 2 for length in bar.solid.size_m]
         box: Any = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half_size, **self._client)
-        pose = bar.T_world_bar.xyz_quat_xyzw.tolist()
+        pose = bar.T_world_member.xyz_quat_xyzw.tolist()
         return int(
             pybullet.createMultiBody(
                 baseCollisionShapeIndex=box, basePosition=pose[:3], baseOrientation=pose[3:], **self._client

@@ -2,53 +2,47 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared.geometry import SE3
-
-Vector3 = tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Box:
-    """Centred on its frame; edge lengths along x, y, z."""
-
-    size_m: Vector3
-
-
-@dataclass(frozen=True, slots=True)
-class Cylinder:
-    """Centred on its frame, along z."""
-
-    radius_m: float
-    length_m: float
-
-
-@dataclass(frozen=True, slots=True)
-class Sphere:
-    """Centred on its frame."""
-
-    radius_m: float
+from shared.solids import Solid, Vector3
 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A visible solid that is rigidly part of a link."""
+    """A solid that is rigidly part of a link."""
 
     link: str
-    geometry: Box | Cylinder | Sphere
+    solid: Solid
     T_link_shape: SE3
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inertia:
+    """Of one link: mass at `T_link_mass`, moments of inertia (3, 3) in kg m^2 about and along that frame's axes."""
+
+    mass_kg: float
+    T_link_mass: SE3
+    moments: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Of one joint: positions in radians or metres (infinite where continuous), velocity in either per second."""
+    """Of one joint: positions in radians or metres (infinite where continuous), velocity in either per second.
+
+    effort: Nm or N, infinite where the document states none.
+    """
 
     lower: float
     upper: float
     velocity: float
+    effort: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,13 +69,18 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class UrdfModel:
-    """A URDF document as values. root: the link that is no joint's child; joints and shapes are in document order."""
+    """A URDF document as values. root: the link that is no joint's child; joints and shapes are in document order.
+
+    shapes: what can be seen. collisions: what bodies touch with. inertias: of the links that state one.
+    """
 
     name: str
     root: str
     links: tuple[str, ...]
     joints: tuple[Joint, ...]
     shapes: tuple[Shape, ...]
+    collisions: tuple[Shape, ...] = ()
+    inertias: Mapping[str, Inertia] = field(default_factory=dict)
 
     @property
     def limits(self) -> dict[str, Limits]:

@@ -15,7 +15,8 @@ import numpy as np
 
 from shared.errors import InputFileError
 from shared.geometry import SE3
-from shared.robot.description import Box, Cylinder, Joint, Limits, Shape, Sphere, UrdfModel, Vector3
+from shared.robot.description import Inertia, Joint, Limits, Shape, UrdfModel
+from shared.solids import Box, Cylinder, Solid, Sphere, Vector3
 
 
 def read_urdf(path: Path) -> str:
@@ -61,7 +62,13 @@ def _model(text: str) -> UrdfModel:
         root=_root(links, joints),
         links=links,
         joints=joints,
-        shapes=tuple(_shape(link, visual) for link in robot.findall("link") for visual in link.findall("visual")),
+        shapes=_shapes(robot, "visual"),
+        collisions=_shapes(robot, "collision"),
+        inertias={
+            link.get("name", ""): _inertia(link, inertial)
+            for link in robot.findall("link")
+            for inertial in link.findall("inertial")
+        },
     )
 
 
@@ -123,28 +130,46 @@ def _limits(element: ET.Element, kind: str, where: str) -> Limits:
     upper = _number(limit, "upper", where) if is_bounded else math.inf
     if lower > upper:
         raise _UrdfError(f"{where}: lower {lower:g} is above upper {upper:g}")
-    return Limits(lower, upper, _positive(limit, "velocity", where))
+    effort = _positive(limit, "effort", where) if limit.get("effort") else math.inf
+    return Limits(lower, upper, _positive(limit, "velocity", where), effort)
 
 
-def _shape(link: ET.Element, visual: ET.Element) -> Shape:
+def _inertia(link: ET.Element, inertial: ET.Element) -> Inertia:
+    where = f"link '{link.get('name', '')}': inertial"
+    mass_kg = _number(_child(inertial, "mass", where), "value", f"{where}: mass")
+    if mass_kg < 0:
+        raise _UrdfError(f"{where}: mass must not be negative, got {mass_kg:g}")
+    inertia = _child(inertial, "inertia", where)
+    xx, xy, xz, yy, yz, zz = (_number(inertia, f"i{key}", where) for key in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if np.linalg.eigvalsh(moments).min() < 0:
+        raise _UrdfError(f"{where}: inertia must be positive semi-definite")
+    return Inertia(mass_kg, _origin(inertial, where), moments)
+
+
+def _shapes(robot: ET.Element, kind: str) -> tuple[Shape, ...]:
+    return tuple(_shape(link, shape, kind) for link in robot.findall("link") for shape in link.findall(kind))
+
+
+def _shape(link: ET.Element, element: ET.Element, kind: str) -> Shape:
     name = link.get("name", "")
-    where = f"link '{name}': visual"
-    geometries = list(_child(visual, "geometry", where))
+    where = f"link '{name}': {kind}"
+    geometries = list(_child(element, "geometry", where))
     tag = geometries[0].tag if len(geometries) == 1 else f"{len(geometries)} elements"
-    geometry: Box | Cylinder | Sphere
+    solid: Solid
     if tag == "box":
         size = _vector(geometries[0], "size", None, f"{where}: box")
         if min(size) <= 0:
             raise _UrdfError(f"{where}: box: size must be positive, got {size}")
-        geometry = Box(size)
+        solid = Box(size)
     elif tag == "cylinder":
         radius, length = (_positive(geometries[0], key, f"{where}: cylinder") for key in ("radius", "length"))
-        geometry = Cylinder(radius, length)
+        solid = Cylinder(radius, length)
     elif tag == "sphere":
-        geometry = Sphere(_positive(geometries[0], "radius", f"{where}: sphere"))
+        solid = Sphere(_positive(geometries[0], "radius", f"{where}: sphere"))
     else:
         raise _UrdfError(f"{where}: geometry must be one box, cylinder or sphere, is {tag}")
-    return Shape(name, geometry, _origin(visual, where))
+    return Shape(name, solid, _origin(element, where), element.get("name", ""))
 
 
 def _origin(element: ET.Element, where: str) -> SE3:

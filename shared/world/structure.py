@@ -16,8 +16,8 @@ from ruamel.yaml.error import YAMLError
 
 from shared.errors import ConfigError, InputFileError
 from shared.geometry import SE3
-
-Vector3 = tuple[float, float, float]
+from shared.meshes import mesh_of
+from shared.solids import Box, Cylinder, Mesh, Vector3
 
 ROOT_LINK = "world"
 """The structure stands still in the world, so its one link is the world frame itself."""
@@ -28,20 +28,20 @@ _COLOURS = {"weathered_steel": "0.46 0.48 0.50 1", "ground": "0.13 0.14 0.14 1"}
 
 
 @dataclass(frozen=True, slots=True)
-class Bar:
-    """A solid steel box: its edge lengths along x, y, z of its own frame, which is at its centre."""
+class Member:
+    """One piece of steel: a bar or plate (Box), a tube (Cylinder), or a part of any shape (Mesh)."""
 
     name: str
-    size_m: Vector3
-    T_world_bar: SE3
+    solid: Box | Cylinder | Mesh
+    T_world_member: SE3
 
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """All bars, and the height of the flat ground, None where there is none."""
+    """All members, and the height of the flat ground, None where there is none."""
 
     name: str
-    bars: tuple[Bar, ...]
+    members: tuple[Member, ...]
     ground_z_m: float | None
 
 
@@ -66,7 +66,7 @@ def load_structure(path: Path) -> Structure:
     counts = Counter(bar.name for bar in entry.bars)
     if problems := [f"{path}: bar '{name}': defined {n} times" for name, n in counts.items() if n > 1]:
         raise ConfigError(problems)
-    return Structure(entry.name, tuple(_bar(bar) for bar in entry.bars), entry.ground_z_m)
+    return Structure(entry.name, tuple(_member(bar) for bar in entry.bars), entry.ground_z_m)
 
 
 def structure_urdf(structure: Structure) -> str:
@@ -75,30 +75,42 @@ def structure_urdf(structure: Structure) -> str:
     for material, rgba in _COLOURS.items():
         ET.SubElement(ET.SubElement(robot, "material", name=material), "color", rgba=rgba)
     link = ET.SubElement(robot, "link", name=ROOT_LINK)
-    for bar in structure.bars:
-        _add_box(link, bar.name, bar.size_m, bar.T_world_bar, "weathered_steel")
+    for member in structure.members:
+        _add_solid(link, member.name, member.solid, member.T_world_member, "weathered_steel")
     if structure.ground_z_m is not None:
-        _add_box(link, "ground", *_ground(structure, structure.ground_z_m), "ground")
+        _add_solid(link, "ground", *_ground(structure, structure.ground_z_m), "ground")
     ET.indent(robot)
     return ET.tostring(robot, encoding="unicode")
 
 
-def _ground(structure: Structure, ground_z_m: float) -> tuple[Vector3, SE3]:
-    """Size and pose of a flat box whose top is the ground, under the structure and around it."""
-    centres = np.array([bar.T_world_bar.translation for bar in structure.bars])
-    reaches = np.array([np.linalg.norm(bar.size_m) / 2 for bar in structure.bars])[:, np.newaxis]
+def _ground(structure: Structure, ground_z_m: float) -> tuple[Box, SE3]:
+    """A flat box and its pose whose top is the ground, under the structure and around it."""
+    centres = np.array([member.T_world_member.translation for member in structure.members])
+    reaches = np.array([_reach_m(member.solid) for member in structure.members])[:, np.newaxis]
     low = (centres - reaches).min(axis=0) - _GROUND_MARGIN_M
     high = (centres + reaches).max(axis=0) + _GROUND_MARGIN_M
     x, y = ((low + high) / 2)[:2].tolist()
     width, depth = (high - low)[:2].tolist()
     pose = SE3.trans(x, y, ground_z_m - _GROUND_THICKNESS_M / 2)
-    return (width, depth, _GROUND_THICKNESS_M), pose
+    return Box((width, depth, _GROUND_THICKNESS_M)), pose
 
 
-def _add_box(link: ET.Element, name: str, size_m: Vector3, T_link_box: SE3, material: str) -> None:
+def _reach_m(solid: Box | Cylinder | Mesh) -> float:
+    """How far a solid reaches from its frame's origin."""
+    return float(np.linalg.norm(mesh_of(solid).vertices_m, axis=1).max())
+
+
+def _add_solid(link: ET.Element, name: str, solid: Box | Cylinder | Mesh, T_link_solid: SE3, material: str) -> None:
     visual = ET.SubElement(link, "visual", name=name)
-    ET.SubElement(visual, "origin", xyz=_words(T_link_box.translation), rpy=_words(_rpy_rad(T_link_box)))
-    ET.SubElement(ET.SubElement(visual, "geometry"), "box", size=_words(size_m))
+    ET.SubElement(visual, "origin", xyz=_words(T_link_solid.translation), rpy=_words(_rpy_rad(T_link_solid)))
+    geometry = ET.SubElement(visual, "geometry")
+    match solid:
+        case Box(size_m):
+            ET.SubElement(geometry, "box", size=_words(size_m))
+        case Cylinder(radius_m, length_m):
+            ET.SubElement(geometry, "cylinder", radius=_words([radius_m]), length=_words([length_m]))
+        case Mesh(file=file, scale=scale):
+            ET.SubElement(geometry, "mesh", filename=f"file://{file}", scale=_words(scale))
     ET.SubElement(visual, "material", name=material)
 
 
@@ -137,8 +149,8 @@ class _StructureEntry(_Entry):
     bars: list[_BarEntry] = Field(min_length=1)
 
 
-def _bar(entry: _BarEntry) -> Bar:
-    return Bar(entry.name, entry.size_m, SE3.from_rpy(np.deg2rad(entry.rpy_deg), entry.centre_m))
+def _member(entry: _BarEntry) -> Member:
+    return Member(entry.name, Box(entry.size_m), SE3.from_rpy(np.deg2rad(entry.rpy_deg), entry.centre_m))
 
 
 def _problem_text(details: Any) -> str:

@@ -281,11 +281,11 @@ def gap_and_angle(T_world_foot: SE3) -> tuple[float, float]:
     """Metres from the sole's farthest corner to the steel face below it, and radians to the face's normal."""
     best = (np.inf, np.inf)
     corners = np.array([[x, y, -0.005] for x in (-0.05, 0.05) for y in (-0.05, 0.05)])
-    for bar in STRUCTURE.bars:
-        T_bar_foot = bar.T_world_bar.inv() @ T_world_foot
+    for bar in STRUCTURE.members:
+        T_bar_foot = bar.T_world_member.inv() @ T_world_foot
         axis = int(np.argmax(np.abs(T_bar_foot.rotation[:, 2])))
         side = np.sign(T_bar_foot.rotation[axis, 2])
-        half = np.array(bar.size_m) / 2
+        half = np.array(bar.solid.size_m) / 2
         corners_bar = T_bar_foot.apply(corners)
         across = [i for i in range(3) if i != axis]
         if (np.abs(corners_bar[:, across]) <= half[across]).all():

@@ -5,9 +5,10 @@ import pytest
 
 from shared.errors import InputFileError
 from shared.geometry import SE3
-from shared.robot.description import Box, Cylinder, Limits, Sphere
+from shared.robot.description import Limits
 from shared.robot.urdf import parse_urdf, read_urdf
 from shared.runtime.config import CONFIGS_DIR
+from shared.solids import Box, Cylinder, Sphere
 
 ARM = """
 <robot name="arm">
@@ -48,11 +49,11 @@ def test_an_arm_is_read_whole():
         ("hand", "eye"),
     ]
     assert model.limits == {
-        "turn": Limits(-1.0, 2.0, 3.0),
-        "slide": Limits(0.0, 0.5, 0.1),
-        "spin": Limits(-math.inf, math.inf, 5.0),
+        "turn": Limits(-1.0, 2.0, 3.0, 4.0),
+        "slide": Limits(0.0, 0.5, 0.1, 4.0),
+        "spin": Limits(-math.inf, math.inf, 5.0, 1.0),
     }
-    assert [(shape.link, shape.geometry) for shape in model.shapes] == [
+    assert [(shape.link, shape.solid) for shape in model.shapes] == [
         ("base", Box((1.0, 2.0, 3.0))),
         ("base", Sphere(0.5)),
         ("hand", Cylinder(0.1, 0.2)),
@@ -72,7 +73,8 @@ def test_joints_move_their_children():
 
 def test_our_robot_has_the_limits_of_its_data_sheet():
     limits = parse_urdf(read_urdf(CONFIGS_DIR / "robot" / "hyrecro.urdf"), "hyrecro.urdf").limits
-    half_turn, turn, stroke = Limits(-1.5708, 1.5708, 1.0), Limits(-3.2, 3.2, 1.0), Limits(-0.025, 0.025, 0.05)
+    half_turn, turn = Limits(-1.5708, 1.5708, 1.0, 50.0), Limits(-3.2, 3.2, 1.0, 50.0)
+    stroke = Limits(-0.025, 0.025, 0.05, 500.0)
     assert list(limits) == [f"q{i}" for i in range(1, 9)]
     assert list(limits.values()) == [half_turn, stroke, half_turn, turn, turn, half_turn, stroke, half_turn]
 
@@ -131,3 +133,25 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
     (tmp_path / "binary.urdf").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputFileError, match=r"binary\.urdf"):
         read_urdf(tmp_path / "binary.urdf")
+
+
+def test_our_robot_has_masses_and_shapes_to_touch_with():
+    model = parse_urdf(read_urdf(CONFIGS_DIR / "robot" / "hyrecro.urdf"), "hyrecro.urdf")
+    assert set(model.inertias) == set(model.links)
+    foot = model.inertias["foot_b"]
+    np.testing.assert_allclose(foot.T_link_mass.translation, [0, 0, -0.025])
+    assert (np.linalg.eigvalsh(foot.moments) > 0).all()
+    assert {shape.link for shape in model.collisions} == set(model.links)
+
+
+@pytest.mark.parametrize(
+    ("inertial", "reason"),
+    [
+        ('<mass value="-1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>', "mass must not be negative"),
+        ('<mass value="1"/><inertia ixx="1" ixy="2" ixz="0" iyy="1" iyz="0" izz="1"/>', "positive semi-definite"),
+        ('<mass value="1"/>', "<inertia> is missing"),
+    ],
+)
+def test_an_impossible_mass_is_refused(inertial, reason):
+    with pytest.raises(InputFileError, match=f"link 'a': inertial: .*{reason}"):
+        parse_urdf(f'<robot name="r"><link name="a"><inertial>{inertial}</inertial></link></robot>', "r.urdf")

@@ -93,8 +93,8 @@ def test_the_sensor_is_above_the_middle_of_the_hip_plate():
 
 def test_rays_that_start_at_the_minimum_range_start_outside_the_sensor():
     (housing,) = (shape for shape in MODEL.shapes if shape.link == "lidar")
-    lowest_m = abs(housing.T_link_shape.translation[2]) + housing.geometry.length_m / 2
-    assert np.hypot(lowest_m, housing.geometry.radius_m) < 0.2
+    lowest_m = abs(housing.T_link_shape.translation[2]) + housing.solid.length_m / 2
+    assert np.hypot(lowest_m, housing.solid.radius_m) < 0.2
 
 
 def test_wrong_numbers_of_joints_are_refused():

@@ -3,7 +3,8 @@ import pytest
 
 from services.evaluator.map_accuracy import distances_to_box, map_accuracy, num_points_off_planes
 from shared.geometry import SE3
-from shared.robot.description import Box, Shape, UrdfModel
+from shared.robot.description import Shape, UrdfModel
+from shared.solids import Box
 
 BOX = Box((2.0, 4.0, 6.0))
 

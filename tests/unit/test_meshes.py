@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
 
-from services.sensors.meshes import link_meshes, shape_mesh
+from services.sensors.bodies import link_meshes
 from shared.geometry import SE3
-from shared.robot.description import Box, Cylinder, Shape, Sphere
+from shared.meshes import mesh_of
+from shared.robot.description import Shape
+from shared.solids import Box, Cylinder, Sphere
 
 
 def volume_m3(mesh):
@@ -13,15 +15,15 @@ def volume_m3(mesh):
 
 
 @pytest.mark.parametrize(
-    ("geometry", "expected_m3", "tolerance"),
+    ("solid", "expected_m3", "tolerance"),
     [
         (Box((0.2, 0.3, 0.5)), 0.03, 1e-12),
         (Cylinder(0.1, 2.0), np.pi * 0.01 * 2.0, 0.01),
         (Sphere(0.5), np.pi * 0.5**3 * 4 / 3, 0.02),
     ],
 )
-def test_meshes_are_closed_and_wound_outwards(geometry, expected_m3, tolerance):
-    assert volume_m3(shape_mesh(geometry)) == pytest.approx(expected_m3, rel=tolerance)
+def test_meshes_are_closed_and_wound_outwards(solid, expected_m3, tolerance):
+    assert volume_m3(mesh_of(solid)) == pytest.approx(expected_m3, rel=tolerance)
 
 
 def test_shapes_of_a_link_become_one_mesh_in_its_frame():

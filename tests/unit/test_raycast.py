@@ -1,19 +1,19 @@
 import numpy as np
 import pytest
 
-from services.sensors.meshes import shape_mesh
 from services.sensors.raycast import NO_BODY, EmbreeRaycaster
 from services.sensors.scan_pattern import scan_directions
 from shared.geometry import SE3
-from shared.robot.description import Box, Sphere
+from shared.meshes import mesh_of
 from shared.runtime.config import LidarConfig
+from shared.solids import Box, Sphere
 
 FORWARD = np.array([[[1, 0, 0], [0, 1, 0]]], dtype=np.float32)
 
 
 def cast(directions, *bodies, min_range_m=0.2):
     raycaster = EmbreeRaycaster(directions, min_range_m)
-    raycaster.set_bodies([shape_mesh(geometry) for geometry, _ in bodies])
+    raycaster.set_bodies([mesh_of(geometry) for geometry, _ in bodies])
     return raycaster.cast(SE3.identity(), [pose for _, pose in bodies])
 
 
@@ -49,7 +49,7 @@ def test_rays_start_at_the_minimum_range():
 
 def test_bodies_move_from_cast_to_cast():
     raycaster = EmbreeRaycaster(FORWARD, 0.2)
-    raycaster.set_bodies([shape_mesh(Box((1, 1, 1)))])
+    raycaster.set_bodies([mesh_of(Box((1, 1, 1)))])
     ranges = [raycaster.cast(SE3.identity(), [SE3.trans(x_m=x)]).range_m[0, 0] for x in (2.5, 4.5)]
     np.testing.assert_allclose(ranges, [2.0, 4.0], atol=1e-5)
 
@@ -57,7 +57,7 @@ def test_bodies_move_from_cast_to_cast():
 def test_the_sensor_may_stand_and_look_anywhere():
     wall, T_world_sensor = (Box((1, 100, 100)), SE3.trans(x_m=3.5)), SE3.trans(1.0, 2.0, 3.0) @ SE3.rot("z", -0.5)
     raycaster = EmbreeRaycaster(FORWARD, 0.2)
-    raycaster.set_bodies([shape_mesh(wall[0])])
+    raycaster.set_bodies([mesh_of(wall[0])])
     hits = raycaster.cast(T_world_sensor, [wall[1]])
     np.testing.assert_allclose(hits.range_m[0], [2.0 / np.cos(0.5), 2.0 / np.sin(0.5)], atol=1e-5)
     np.testing.assert_allclose(hits.cos_incidence[0], [np.cos(0.5), np.sin(0.5)], atol=1e-6)
@@ -65,6 +65,6 @@ def test_the_sensor_may_stand_and_look_anywhere():
 
 def test_one_pose_a_body():
     raycaster = EmbreeRaycaster(FORWARD, 0.2)
-    raycaster.set_bodies([shape_mesh(Box((1, 1, 1)))])
+    raycaster.set_bodies([mesh_of(Box((1, 1, 1)))])
     with pytest.raises(ValueError, match="argument"):
         raycaster.cast(SE3.identity(), [])

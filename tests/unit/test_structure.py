@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from shared.errors import ConfigError, InputFileError
 from shared.geometry import SE3
-from shared.robot.description import Box
 from shared.robot.urdf import parse_urdf
 from shared.runtime.config import CONFIGS_DIR
-from shared.world.structure import Bar, Structure, load_structure, structure_urdf
+from shared.solids import Box
+from shared.world.structure import Member, Structure, load_structure, structure_urdf
 
 ORIGINAL = CONFIGS_DIR / "structures" / "original.yaml"
 
@@ -23,11 +23,11 @@ def written(tmp_path: Path, text: str) -> Path:
 
 def test_the_original_has_its_21_bars():
     structure = load_structure(ORIGINAL)
-    boxes = {(tuple(bar.T_world_bar.translation.tolist()), bar.size_m) for bar in structure.bars}
+    boxes = {(tuple(bar.T_world_member.translation.tolist()), bar.solid.size_m) for bar in structure.members}
     expected = {((x, y, 10.0), (0.2, 0.2, 4.0)) for x in (-1.9, 0.0, 1.9) for y in (-2.1, 0.0, 2.1)}
     expected |= {((0.0, y, z), (4.0, 0.2, 0.2)) for y in (-2.1, 0.0, 2.1) for z in (10.0, 11.9)}
     expected |= {((x, 0.0, z), (0.2, 4.0, 0.2)) for x in (-1.9, 0.0, 1.9) for z in (10.0, 11.9)}
-    assert len(structure.bars) == 21
+    assert len(structure.members) == 21
     assert boxes == expected
     assert structure.ground_z_m == 0.0
 
@@ -35,15 +35,15 @@ def test_the_original_has_its_21_bars():
 def test_a_bar_may_be_turned(tmp_path):
     text = "name: s\nbars:\n- {name: b, centre_m: [1, 2, 3], size_m: [0.1, 0.2, 4], rpy_deg: [0, 90, 0]}\n"
     structure = load_structure(written(tmp_path, text))
-    (bar,) = structure.bars
+    (bar,) = structure.members
     assert structure.ground_z_m is None
-    np.testing.assert_allclose(bar.T_world_bar.apply(np.array([0.0, 0.0, 2.0])), [3, 2, 3], atol=1e-15)
+    np.testing.assert_allclose(bar.T_world_member.apply(np.array([0.0, 0.0, 2.0])), [3, 2, 3], atol=1e-15)
 
 
 def test_the_ground_is_a_box_below_its_height_around_the_bars():
-    bar = Bar("b", (2.0, 3.0, 6.0), SE3.trans(x_m=10.0))  # half its diagonal is 3.5 m
+    bar = Member("b", Box((2.0, 3.0, 6.0)), SE3.trans(x_m=10.0))  # half its diagonal is 3.5 m
     _, ground = parse_urdf(structure_urdf(Structure("s", (bar,), ground_z_m=-1.5)), "urdf").shapes
-    assert ground.geometry == Box((27.0, 27.0, 0.1))
+    assert ground.solid == Box((27.0, 27.0, 0.1))
     np.testing.assert_allclose(ground.T_link_shape.translation, [10, 0, -1.55])
 
 
@@ -52,11 +52,11 @@ angles = st.one_of(st.floats(-np.pi, np.pi), st.sampled_from([0.0, np.pi / 2, -n
 
 @given(st.tuples(angles, angles, angles), st.tuples(*[st.floats(-100, 100)] * 3))
 def test_urdf_says_where_each_bar_is(rpy_rad, centre_m):
-    bar = Bar("b", (0.1, 0.2, 0.3), SE3.from_rpy(rpy_rad, centre_m))
+    bar = Member("b", Box((0.1, 0.2, 0.3)), SE3.from_rpy(rpy_rad, centre_m))
     model = parse_urdf(structure_urdf(Structure("s", (bar,), None)), "urdf")
     (shape,) = model.shapes
-    assert (model.root, shape.link, shape.geometry) == ("world", "world", Box(bar.size_m))
-    np.testing.assert_allclose(shape.T_link_shape.matrix, bar.T_world_bar.matrix, rtol=0, atol=1e-14)
+    assert (model.root, shape.link, shape.solid) == ("world", "world", bar.solid)
+    np.testing.assert_allclose(shape.T_link_shape.matrix, bar.T_world_member.matrix, rtol=0, atol=1e-14)
 
 
 def test_every_problem_is_reported(tmp_path):

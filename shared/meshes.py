@@ -1,50 +1,29 @@
-"""Closed triangle meshes of simple shapes, centred on their own frame, wound counter-clockwise seen from outside."""
+"""Closed triangle meshes of solids, in the solid's own frame, wound counter-clockwise seen from outside."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.geometry import SE3
-from shared.robot.description import Box, Cylinder, Shape, Sphere
+from shared.solids import Box, Cylinder, Mesh, Solid, Sphere
 
 _NUM_SEGMENTS = 32
 """Facets round a cylinder or sphere: the sagitta of a 20 mm piston is then 0.1 mm, far below the range noise."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
-    """Triangles (T, 3) of indices into vertices (V, 3) in metres."""
-
-    vertices_m: NDArray[np.floating]
-    triangles: NDArray[np.uint32]
-
-    def moved(self, T_a_b: SE3) -> Mesh:
-        """The mesh given in frame b, in frame a."""
-        return Mesh(T_a_b.apply(self.vertices_m), self.triangles)
-
-
-def link_meshes(shapes: Iterable[Shape]) -> dict[str, Mesh]:
-    """One mesh a link that has shapes, in the link's frame."""
-    parts: dict[str, list[Mesh]] = defaultdict(list)
-    for shape in shapes:
-        parts[shape.link].append(shape_mesh(shape.geometry).moved(shape.T_link_shape))
-    return {link: merged(meshes) for link, meshes in parts.items()}
-
-
-def shape_mesh(geometry: Box | Cylinder | Sphere) -> Mesh:
-    """The mesh of a shape of a URDF."""
-    match geometry:
+def mesh_of(solid: Solid) -> Mesh:
+    """The triangles of a solid; triangle i of a box is on face i % 6 of -x, +x, -y, +y, -z, +z."""
+    match solid:
         case Box(size_m):
             return box(size_m)
         case Cylinder(radius_m, length_m):
             return cylinder(radius_m, length_m)
         case Sphere(radius_m):
             return sphere(radius_m)
+        case Mesh():
+            return solid
 
 
 def box(size_m: Sequence[float]) -> Mesh:
