@@ -75,6 +75,23 @@ def leg(
 
 
 @app.command()
+def check(
+    trajectory: Annotated[Path, typer.Argument(metavar="FILE.csv", help="Header q1..q8; a target or C,...,C a row.")],
+    config: ConfigOption = DEFAULT_CONFIG,
+    set_: SetOption = None,
+    is_json: JsonOption = False,
+) -> None:
+    """Judges a trajectory file row by row, without a robot; exit code 3 where a row is bad.
+
+    Joint limits, cuts into steel or itself on the way (at most 1 mm), landings (0.5 mm, 0.5 deg, the whole sole over
+    steel), and what the magnets hold.
+    """
+    from cli.trajectory_check import check_trajectory, print_reports
+
+    raise typer.Exit(print_reports(check_trajectory(trajectory, resolved(config, set_)), is_json=is_json))
+
+
+@app.command()
 def state(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None, is_json: JsonOption = False) -> None:
     """Prints joints, fixed foot, pose of the hip and the services that are alive; exit code 1 without a robot."""
     from shared.messaging.bus import Bus

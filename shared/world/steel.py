@@ -91,6 +91,18 @@ class SteelSurface:
         touch = origins[middle] + (reach_m - depth_m[middle]) * up
         return SE3(rotation, touch + SOLE_BELOW_CENTRE_M * rotation[:, 2])
 
+    def distance_m(self, T_world_foot: SE3) -> float:
+        """From the centre of the foot's sole to the nearest steel, in any direction; inf where there is no steel."""
+        point = T_world_foot.apply(np.array([0.0, 0.0, -SOLE_BELOW_CENTRE_M]))
+        away = np.maximum(np.maximum(self._low - point, point - self._high), 0)
+        bound = np.linalg.norm(away, axis=1)
+        best = np.inf
+        for rows in np.array_split(np.argsort(bound), len(bound) // 64 + 1):
+            if not len(rows) or bound[rows[0]] >= best:
+                break
+            best = min(best, float(_point_distances(point, self._corners[rows], self._normals[rows]).min()))
+        return best
+
     def _first_below(self, origins: Float, direction: Float, reach_m: float) -> tuple[NDArray[np.int64], Float]:
         """The first triangle that faces each ray (N, 3) within reach, -1 where none, and how far it is (N,)."""
         ends = np.concatenate([origins, origins + reach_m * direction])
@@ -126,3 +138,16 @@ def _ray_distances(origins: Float, direction: Float, corners: Float) -> Float:
     seam = 1e-9  # neighbours share their edge: a ray along it must meet one of them
     is_inside = (u >= -seam) & (v >= -seam) & (u + v <= 1 + seam) & (distance >= 0)
     return np.where(is_inside, distance, np.inf)
+
+
+def _point_distances(point: NDArray[np.floating], corners: Float, normals: Float) -> Float:
+    """Distances (T,) from a point (3,) to triangles (T, 3, 3) of unit normals (T, 3)."""
+    from_corner = point - corners
+    edges = np.roll(corners, -1, axis=1) - corners
+    share = (from_corner * edges).sum(axis=2) / np.maximum((edges**2).sum(axis=2), 1e-300)
+    to_edges = np.linalg.norm(from_corner - np.clip(share, 0, 1)[..., None] * edges, axis=2).min(axis=1)
+    inwards = np.cross(normals[:, None], edges)
+    is_above = ((from_corner * inwards).sum(axis=2) >= 0).all(axis=1)
+    height = np.abs((from_corner[:, 0] * normals).sum(axis=1))
+    distances: Float = np.where(is_above, height, to_edges)
+    return distances

@@ -79,3 +79,23 @@ def test_the_flush_pose_is_flush_and_near(gap_m, tilt_rad, x_m):
     moved = T.inv() @ flush
     assert moved.angle_rad == pytest.approx(abs(tilt_rad), abs=1e-7)
     assert np.linalg.norm(moved.translation) < abs(gap_m) / np.cos(tilt_rad) + 0.005 * abs(tilt_rad) + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("T", "distance_m"),
+    [
+        (foot(gap_m=0.25), 0.25),
+        (foot(gap_m=-0.05), 0.05),  # to the face, also from inside
+        (foot(0.0, 0.4, 0.4), 0.5),  # 0.3 beside and 0.4 above an edge
+        (foot(1.3, 0.1, 0.4), 0.5),
+        (foot(1.2, 0.3, 0.1), 0.3),  # to a corner
+    ],
+)
+def test_the_distance_to_steel_any_way(T, distance_m):
+    assert surface(BEAM).distance_m(T) == pytest.approx(distance_m, abs=1e-12)
+
+
+def test_the_distance_is_to_the_nearest_of_many_and_infinite_without_any():
+    rows = [Member(f"far_{i}", Box((0.2, 0.2, 0.2)), SE3.trans(x_m=3.0 + i)) for i in range(40)]
+    assert surface(*rows, BEAM).distance_m(foot(gap_m=0.7)) == pytest.approx(0.7)
+    assert surface().distance_m(foot()) == np.inf
