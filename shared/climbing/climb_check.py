@@ -7,10 +7,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from shared.climbing.collision import CollisionModel
+from shared.climbing.holding import Holding
 from shared.climbing.stance import Stance
 from shared.climbing.transit import line_samples
 from shared.geometry import SE3, Float
 from shared.messaging.messages import JOINT_NAMES, Foot
+from shared.robot.adhesion import MagnetLimits
 from shared.robot.description import UrdfModel
 from shared.robot.limits import JOINT_UNITS, beyond_limits, joint_bounds
 from shared.world.steel import SteelSurface
@@ -63,8 +65,8 @@ class RowReport:
     """What one row does. foot: the one that moves, or that becomes the fixed one. kind: start, move or change.
 
     limits: joints beyond their limits, in words. cut: None where nothing is touched. landing: None for a move that the
-    same foot goes on from. margin: the least holding margin on the way, None where it was not computed. problems: what
-    is bad, in words.
+    same foot goes on from. margin: the least holding margin on the way; of a change, that of the foot that is fixed
+    after it. problems: what is bad, in words.
     """
 
     line: int
@@ -84,8 +86,15 @@ class ClimbCheck:
         InputFileError: the robot's collision shapes are not usable.
     """
 
-    def __init__(self, model: UrdfModel, structure: Structure, limits: ClimbLimits | None = None) -> None:
+    def __init__(
+        self,
+        model: UrdfModel,
+        structure: Structure,
+        limits: ClimbLimits | None = None,
+        magnets: MagnetLimits | None = None,
+    ) -> None:
         self._limits = limits or ClimbLimits()
+        self._holding = Holding.of(model, magnets)
         self._bounds = joint_bounds(model)
         self._collisions = CollisionModel(model, structure)
         self._steel = SteelSurface(structure)
@@ -93,7 +102,9 @@ class ClimbCheck:
     def reports(self, rows: Sequence[Row], stance: Stance, q: Float) -> Iterator[RowReport]:
         """A report for where the fixed foot stands at first, in posture q (8,), then one a row."""
         landing = self._landing(stance.fixed_foot, stance.T_world_foot)
-        yield RowReport(0, "start", stance.fixed_foot, landing=landing, problems=tuple(self._landing_problems(landing)))
+        margin, hold_problems = self._hold(stance, q[None])
+        problems = (*self._landing_problems(landing), *hold_problems)
+        yield RowReport(0, "start", stance.fixed_foot, landing=landing, margin=margin, problems=problems)
         has_landed = False
         for i, row in enumerate(rows):
             if row.q is None:
@@ -107,16 +118,27 @@ class ClimbCheck:
     def _change(self, row: Row, stance: Stance, q: Float, has_landed: bool) -> RowReport:
         """A foot that has just moved was judged by the move."""
         landing = None if has_landed else self._landing(stance.free_foot, stance.T_world_free(q))
-        problems = self._landing_problems(landing)
-        return RowReport(row.line, "change", stance.free_foot, landing=landing, problems=tuple(problems))
+        margin, hold_problems = self._hold(stance.changed(q), q[None])
+        problems = (*self._landing_problems(landing), *hold_problems)
+        return RowReport(row.line, "change", stance.free_foot, landing=landing, margin=margin, problems=problems)
 
     def _move(self, line: int, stance: Stance, q_start: Float, q_end: Float, is_landing: bool) -> RowReport:
         limits = beyond_limits(JOINT_NAMES, q_end, *self._bounds, JOINT_UNITS)
         samples = line_samples(q_start, q_end, stance, self._collisions.bodies, self._limits.step_m)
         cut = self._cut(stance, samples)
         landing = self._landing(stance.free_foot, stance.T_world_free(q_end)) if is_landing else None
-        problems = [*limits, *self._cut_problems(cut), *self._landing_problems(landing)]
-        return RowReport(line, "move", stance.free_foot, tuple(limits), cut, landing, None, tuple(problems))
+        margin, hold_problems = self._hold(stance, samples)
+        problems = (*limits, *self._cut_problems(cut), *self._landing_problems(landing), *hold_problems)
+        return RowReport(line, "move", stance.free_foot, tuple(limits), cut, landing, margin, problems)
+
+    def _hold(self, stance: Stance, samples: Float) -> tuple[float, list[str]]:
+        """The least margin of postures (S, 8) on the way, and what is bad about it."""
+        i, margin = self._holding.worst(stance, samples)
+        if margin >= self._limits.min_margin:
+            return margin, []
+        reason = self._holding.overload(stance, samples[i]) or f"margin must be at least {self._limits.min_margin:g}"
+        where = "" if len(samples) == 1 else f" at {100 * i / (len(samples) - 1):.0f} % of the way"
+        return margin, [f"foot {stance.fixed_foot.value} lets go{where}: {reason}"]
 
     def _cut(self, stance: Stance, samples: Float) -> Cut | None:
         contacts = self._collisions.around(stance).contacts(samples)

@@ -5,6 +5,7 @@ from shared.climbing.climb_check import ClimbCheck, ClimbLimits, Row
 from shared.climbing.stance import Stance
 from shared.geometry import SE3
 from shared.messaging.messages import Foot
+from shared.robot.adhesion import MagnetLimits
 from shared.solids import Box
 from shared.world.structure import Member
 from tests.support.postures import MODEL
@@ -105,3 +106,18 @@ def test_a_bad_stand_is_named(T_world_foot, problem):
 def test_thresholds_can_be_set():
     start, _ = reports(CHANGE, stance=Stance(Foot.A, SE3.trans(z_m=0.006)), limits=ClimbLimits(max_gap_m=0.0011))
     assert start.problems == ()
+
+
+def test_the_margin_is_the_least_on_the_way_and_says_what_lets_go():
+    wall = Stance(Foot.A, SE3.rot("y", np.pi / 2) @ SE3.trans(z_m=0.005))
+    bar = Member("bar", Box((0.2, 0.2, 2.0)), SE3.trans(-0.1))
+    rows = reports(STEP, CHANGE, members=(bar,), stance=wall)
+    assert [0 < row.margin < 1 for row in rows] == [True, True, True]
+    weak = MagnetLimits(pull_n=80.0)
+    check = ClimbCheck(MODEL, structure(bar), magnets=weak)
+    start, _ = check.reports([Row(2, STEP)], wall, ZERO)
+    assert start.margin < 0
+    assert any("foot A lets go: shear" in problem or "foot A lets go: tilt" in problem for problem in start.problems)
+    start, move = ClimbCheck(MODEL, structure(bar), ClimbLimits(min_margin=0.99)).reports([Row(2, STEP)], wall, ZERO)
+    assert start.problems == ("foot A lets go: margin must be at least 0.99",)
+    assert "% of the way: margin must be" in move.problems[0]
