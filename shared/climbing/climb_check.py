@@ -6,17 +6,12 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from shared.climbing.collision import CollisionModel
-from shared.climbing.holding import Holding
+from shared.climbing.climber import Climber
 from shared.climbing.stance import Stance
 from shared.climbing.transit import line_samples
 from shared.geometry import SE3, Float
 from shared.messaging.messages import JOINT_NAMES, Foot
-from shared.robot.adhesion import MagnetLimits
-from shared.robot.description import UrdfModel
-from shared.robot.limits import JOINT_UNITS, beyond_limits, joint_bounds
-from shared.world.steel import SteelSurface
-from shared.world.structure import Structure
+from shared.robot.limits import JOINT_UNITS, beyond_limits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,24 +75,11 @@ class RowReport:
 
 
 class ClimbCheck:
-    """Checks trajectories of one robot on one structure.
+    """Checks trajectories of one robot on one structure."""
 
-    Raises:
-        InputFileError: the robot's collision shapes are not usable.
-    """
-
-    def __init__(
-        self,
-        model: UrdfModel,
-        structure: Structure,
-        limits: ClimbLimits | None = None,
-        magnets: MagnetLimits | None = None,
-    ) -> None:
+    def __init__(self, climber: Climber, limits: ClimbLimits | None = None) -> None:
+        self._climber = climber
         self._limits = limits or ClimbLimits()
-        self._holding = Holding.of(model, magnets)
-        self._bounds = joint_bounds(model)
-        self._collisions = CollisionModel(model, structure)
-        self._steel = SteelSurface(structure)
 
     def reports(self, rows: Sequence[Row], stance: Stance, q: Float) -> Iterator[RowReport]:
         """A report for where the fixed foot stands at first, in posture q (8,), then one a row."""
@@ -123,8 +105,8 @@ class ClimbCheck:
         return RowReport(row.line, "change", stance.free_foot, landing=landing, margin=margin, problems=problems)
 
     def _move(self, line: int, stance: Stance, q_start: Float, q_end: Float, is_landing: bool) -> RowReport:
-        limits = beyond_limits(JOINT_NAMES, q_end, *self._bounds, JOINT_UNITS)
-        samples = line_samples(q_start, q_end, stance, self._collisions.bodies, self._limits.step_m)
+        limits = beyond_limits(JOINT_NAMES, q_end, self._climber.lower, self._climber.upper, JOINT_UNITS)
+        samples = line_samples(q_start, q_end, stance, self._climber.collisions.bodies, self._limits.step_m)
         cut = self._cut(stance, samples)
         landing = self._landing(stance.free_foot, stance.T_world_free(q_end)) if is_landing else None
         margin, hold_problems = self._hold(stance, samples)
@@ -133,15 +115,15 @@ class ClimbCheck:
 
     def _hold(self, stance: Stance, samples: Float) -> tuple[float, list[str]]:
         """The least margin of postures (S, 8) on the way, and what is bad about it."""
-        i, margin = self._holding.worst(stance, samples)
+        i, margin = self._climber.holding.worst(stance, samples)
         if margin >= self._limits.min_margin:
             return margin, []
-        reason = self._holding.overload(stance, samples[i]) or f"margin must be at least {self._limits.min_margin:g}"
+        reason = self._climber.holding.overload(stance, samples[i]) or f"margin must be at least {self._limits.min_margin:g}"
         where = "" if len(samples) == 1 else f" at {100 * i / (len(samples) - 1):.0f} % of the way"
         return margin, [f"foot {stance.fixed_foot.value} lets go{where}: {reason}"]
 
     def _cut(self, stance: Stance, samples: Float) -> Cut | None:
-        contacts = self._collisions.around(stance).contacts(samples)
+        contacts = self._climber.collisions.around(stance).contacts(samples)
         i = contacts.deepest()
         if contacts.depth_m[i] <= 0:
             return None
@@ -154,8 +136,8 @@ class ClimbCheck:
         return [f"{cut.link} cuts {1e3 * cut.depth_m:.1f} mm into {cut.other} at {100 * cut.share:.0f} % of the way"]
 
     def _landing(self, foot: Foot, T_world_foot: SE3) -> Landing:
-        contact = self._steel.under_sole(T_world_foot)
-        distance_m = self._steel.distance_m(T_world_foot)
+        contact = self._climber.steel.under_sole(T_world_foot)
+        distance_m = self._climber.steel.distance_m(T_world_foot)
         return Landing(foot, contact.gap_m, float(contact.angle_rad), contact.coverage, contact.members, distance_m)
 
     def _landing_problems(self, landing: Landing | None) -> list[str]:

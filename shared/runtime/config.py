@@ -138,6 +138,25 @@ class PlayerConfig(Section):
     timeout_s: float = Field(30.0, gt=0, le=3600)
 
 
+class PlannerConfig(Section):
+    """How a foot is lifted, carried over and landed."""
+
+    rate_hz: float = Field(20.0, gt=0, le=1000)
+    """Intermediate targets a second of simulated time."""
+    speed_share: float = Field(0.5, gt=0, le=1)
+    """Of the joints' velocity limits."""
+    lift_m: float = Field(0.03, ge=0.01, le=0.2)
+    """A foot leaves and lands along its normal by this, or less where there is no room."""
+    min_margin: float = Field(0.0, ge=-10, le=1)
+    """A step on which the holding margin falls below this is refused."""
+    max_iterations: int = Field(1000, ge=1, le=1_000_000)
+    """Of the search for a way round what is between; it takes some 3 ms each."""
+    joint_tolerance: float = Field(0.02, gt=0, le=1)
+    """A step has ended when every joint is this near, as its encoder reads it: radians, metres for q2 and q7."""
+    timeout_s: float = Field(10.0, gt=0, le=3600)
+    """Of simulated time, for the joints to arrive or the feet to change."""
+
+
 class EvaluatorConfig(Section):
     """Comparison with the truth."""
 
@@ -160,6 +179,7 @@ class Config(Section):
     mapper: MapperConfig = MapperConfig()
     recorder: RecorderConfig = RecorderConfig()
     player: PlayerConfig = PlayerConfig.model_construct()
+    planner: PlannerConfig = PlannerConfig()
     evaluator: EvaluatorConfig = EvaluatorConfig()
 
     @field_validator("player", mode="before")

@@ -58,7 +58,7 @@ def test_every_setting_has_its_unit_or_is_a_plain_number():
     text = (CONFIGS_DIR / "default.yaml").read_text()
     numbers = re.findall(r"^\s*(\w+): -?[\d.]+", text, re.MULTILINE)
     units = ("_m", "_s", "_hz", "_deg", "_mib", "_kib")
-    is_plain = re.compile(r"num_\w+|max_iterations|max_map_points|seed|\w*(tolerance|score|novelty)")
+    is_plain = re.compile(r"num_\w+|max_iterations|max_map_points|seed|\w*(tolerance|score|novelty|share|margin)")
     assert [name for name in numbers if not (name.endswith(units) or is_plain.fullmatch(name))] == []
 
 

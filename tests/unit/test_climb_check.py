@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from shared.climbing.climb_check import ClimbCheck, ClimbLimits, Row
+from shared.climbing.climber import Climber
 from shared.climbing.stance import Stance
 from shared.geometry import SE3
 from shared.messaging.messages import Foot
@@ -19,7 +20,7 @@ CHANGE = None
 
 
 def reports(*rows, members=(BEAM,), stance=ON_BEAM, limits=None):
-    check = ClimbCheck(MODEL, structure(*members), limits)
+    check = ClimbCheck(Climber.of(MODEL, structure(*members)), limits)
     numbered = [Row(line, None if q is CHANGE else np.asarray(q, dtype=float)) for line, q in enumerate(rows, start=2)]
     return list(check.reports(numbered, stance, ZERO))
 
@@ -114,10 +115,10 @@ def test_the_margin_is_the_least_on_the_way_and_says_what_lets_go():
     rows = reports(STEP, CHANGE, members=(bar,), stance=wall)
     assert [0 < row.margin < 1 for row in rows] == [True, True, True]
     weak = MagnetLimits(pull_n=80.0)
-    check = ClimbCheck(MODEL, structure(bar), magnets=weak)
+    check = ClimbCheck(Climber.of(MODEL, structure(bar), weak))
     start, _ = check.reports([Row(2, STEP)], wall, ZERO)
     assert start.margin < 0
     assert any("foot A lets go: shear" in problem or "foot A lets go: tilt" in problem for problem in start.problems)
-    start, move = ClimbCheck(MODEL, structure(bar), ClimbLimits(min_margin=0.99)).reports([Row(2, STEP)], wall, ZERO)
+    start, move = ClimbCheck(Climber.of(MODEL, structure(bar)), ClimbLimits(min_margin=0.99)).reports([Row(2, STEP)], wall, ZERO)
     assert start.problems == ("foot A lets go: margin must be at least 0.99",)
     assert "% of the way: margin must be" in move.problems[0]

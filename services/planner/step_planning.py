@@ -1,0 +1,173 @@
+"""Plans a step: lift the free foot off along its normal, carry it over, land it along the normal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from services.planner.footing import footings
+from services.planner.goal_postures import goal_postures
+from services.planner.step_space import CLEARANCES_M, CONTACT_M, StepSpace
+from services.planner.tree_search import find_path, shortened
+from shared.climbing.climber import Climber
+from shared.climbing.stance import Stance
+from shared.climbing.transit import line_samples
+from shared.errors import RefusedError
+from shared.geometry import SE3, Float
+from shared.messaging.messages import FootTarget
+from shared.robot.follow_pose import follow_pose
+from shared.robot.kinematics import HYRECRO, IS_PRISMATIC
+from shared.runtime.config import PlannerConfig
+
+_PIECE_M = 5e-3
+"""Length of the straight lines in joint space that make up a straight lift."""
+_LEAST_LIFT_M = 0.01
+_NUM_SHORTCUTS = 60
+_SCALE = np.where(IS_PRISMATIC, HYRECRO.leg_m, 1.0)
+_SPREAD = 0.7
+"""Of random postures about the straight way, in radians and legs' lengths; every other one is from anywhere."""
+_VERIFY_M = 3e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepPlan:
+    """A step of the free foot of `stance`, as postures (N, 8) with straight lines in joint space between them.
+
+    Each phase begins where the one before ends. T_world_goal: of the foot's plate. margin: the least on the way.
+    """
+
+    stance: Stance
+    T_world_goal: SE3
+    lift: Float
+    transfer: Float
+    landing: Float
+    margin: float
+
+
+def plan_step(
+    target: FootTarget, stance: Stance, q_now: Float, climber: Climber, config: PlannerConfig, rng: np.random.Generator
+) -> StepPlan:
+    """The step that puts the free foot of `stance` where the target says, from posture q_now (8,).
+
+    Raises:
+        RefusedError: no flush steel there, unreachable, holding, collision: with what is in the way.
+    """
+    space = StepSpace(climber, stance, config.min_margin)
+    poses = footings(target, stance.T_world_free(q_now), climber.steel)
+    _check_start(space, q_now)
+    q_goals, _ = goal_postures(space, poses, q_now)
+    lift = next(_away(space, q_now, config.lift_m), None)
+    if lift is None:
+        raise RefusedError(f"collision: foot {stance.free_foot.value} cannot lift off: {_first_cut(space, q_now)}")
+    landings = [landing[::-1] for q in q_goals if (landing := next(_away(space, q, config.lift_m), None)) is not None]
+    if not landings:
+        reason = _first_cut(space, q_goals[0])
+        raise RefusedError(f"collision: foot {stance.free_foot.value} cannot land along the normal: {reason}")
+    transfer, landing = _transfer(space, lift[-1], landings, config, rng)
+    path = np.concatenate([lift, transfer, landing])
+    margin = _least_margin(space, path)
+    return StepPlan(stance, stance.T_world_free(landing[-1]), lift, transfer, landing, margin)
+
+
+def _check_start(space: StepSpace, q: Float) -> None:
+    if (reason := space.climber.holding.overload(space.stance, q)) is not None:
+        raise RefusedError(f"holding: foot {space.stance.fixed_foot.value} lets go before the step: {reason}")
+
+
+def _away(space: StepSpace, q: Float, lift_m: float) -> Iterator[Float]:
+    """Free ways (N, 8) that take the free foot off along its normal, the highest first."""
+    height_m = lift_m
+    while height_m >= _LEAST_LIFT_M - 1e-9:
+        way = _lifted(space, q, height_m)
+        if way is not None and space.is_path_free(way, -CONTACT_M) and space.is_free(way[-1:], 0.0):
+            yield way
+        height_m /= 1.5
+
+
+def _lifted(space: StepSpace, q: Float, height_m: float) -> Float | None:
+    """Postures (N, 8) along the normal of the free foot, or None where the joints do not go that far."""
+    stance, climber = space.stance, space.climber
+    T_fixed_free = stance.T_world_foot.inv() @ stance.T_world_free(q)
+    way = [q]
+    for height in np.linspace(0, height_m, round(height_m / _PIECE_M) + 1)[1:]:
+        goal = T_fixed_free @ SE3.trans(z_m=height)
+        q_next = follow_pose(way[-1], goal, stance.fixed_foot, climber.lower, climber.upper)
+        if q_next is None:
+            return None
+        way.append(q_next)
+    return np.array(way)
+
+
+def _transfer(
+    space: StepSpace, q_lifted: Float, landings: list[Float], config: PlannerConfig, rng: np.random.Generator
+) -> tuple[Float, Float]:
+    """The free way from q_lifted to the start of one of the landings, and that landing; with the most clearance."""
+    for clearance_m in CLEARANCES_M:
+        if not space.is_free(q_lifted[None], clearance_m):
+            continue
+        reachable = [landing for landing in landings if space.is_free(landing[:1], clearance_m)]
+        is_way_free = partial(space.is_way_free, clearance_m=clearance_m)
+        for landing in reachable:
+            if is_way_free(q_lifted, landing[0]):
+                return np.array([q_lifted, landing[0]]), landing
+        if not reachable:
+            continue
+        path = _search(space, q_lifted, np.array([landing[0] for landing in reachable]), clearance_m, config, rng)
+        if path is not None:
+            return path, next(landing for landing in reachable if (landing[0] == path[-1]).all())
+    reason = _way_cut(space, q_lifted, landings[0][0])
+    raise RefusedError(
+        f"collision: no free way found after {config.max_iterations} iterations; on the straight one {reason}"
+    )
+
+
+def _search(
+    space: StepSpace,
+    q_start: Float,
+    q_goals: Float,
+    clearance_m: float,
+    config: PlannerConfig,
+    rng: np.random.Generator,
+) -> Float | None:
+    lower, upper = space.climber.lower, space.climber.upper
+    is_way_free = partial(space.is_way_free, clearance_m=clearance_m)
+
+    def draw() -> Float:
+        if rng.random() < 0.5:
+            return rng.uniform(lower, upper)
+        middle = q_start + rng.random() * (q_goals[rng.integers(len(q_goals))] - q_start)
+        return np.clip(middle + _SPREAD * _SCALE * rng.standard_normal(8), lower, upper)
+
+    path = find_path(q_start, q_goals, _SCALE, is_way_free, draw, config.max_iterations)
+    return None if path is None else shortened(path, is_way_free, rng, _NUM_SHORTCUTS)
+
+
+def _least_margin(space: StepSpace, path: Float) -> float:
+    ways = [_samples(space, a, b) for a, b in zip(path[:-1], path[1:], strict=True)]
+    return space.climber.holding.worst(space.stance, np.concatenate(ways))[1]
+
+
+def _samples(space: StepSpace, q_start: Float, q_end: Float) -> Float:
+    return line_samples(q_start, q_end, space.stance, space.climber.collisions.bodies, _VERIFY_M)
+
+
+def _first_cut(space: StepSpace, q: Float) -> str:
+    """What a foot that leaves along its normal by the least height meets."""
+    way = _lifted(space, q, _LEAST_LIFT_M)
+    if way is None:
+        return f"the joints do not go {1e3 * _LEAST_LIFT_M:g} mm along its normal"
+    return _way_cut(space, way[0], way[-1])
+
+
+def _way_cut(space: StepSpace, q_start: Float, q_end: Float) -> str:
+    samples = _samples(space, q_start, q_end)
+    contacts = space.surroundings.contacts(samples)
+    i = contacts.deepest()
+    if contacts.depth_m[i] > 0:
+        return f"{contacts.link[i]} cuts {1e3 * contacts.depth_m[i]:.1f} mm into {contacts.other[i]}"
+    worst, margin = space.climber.holding.worst(space.stance, samples)
+    reason = space.climber.holding.overload(space.stance, samples[worst]) or f"the holding margin falls to {margin:.2f}"
+    return f"the fixed foot lets go: {reason}"

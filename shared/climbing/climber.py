@@ -1,0 +1,41 @@
+"""One robot on one structure: everything that planning and checking ask of the two."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from shared.climbing.collision import CollisionModel
+from shared.climbing.holding import Holding
+from shared.geometry import Float
+from shared.messaging.messages import JOINT_NAMES
+from shared.robot.adhesion import MagnetLimits
+from shared.robot.description import UrdfModel
+from shared.robot.limits import joint_bounds
+from shared.world.steel import SteelSurface
+from shared.world.structure import Structure
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Climber:
+    """lower, upper (8,): joint limits in radians, metres for q2 and q7; max_velocity (8,): the same a second."""
+
+    lower: Float
+    upper: Float
+    max_velocity: Float
+    collisions: CollisionModel
+    holding: Holding
+    steel: SteelSurface
+
+    @classmethod
+    def of(cls, model: UrdfModel, structure: Structure, magnets: MagnetLimits | None = None) -> Climber:
+        """Of a robot and a structure; the published magnets where no others are given.
+
+        Raises:
+            InputFileError: collision shapes or masses are not usable.
+        """
+        lower, upper = joint_bounds(model)
+        velocities = np.array([model.limits[name].velocity for name in JOINT_NAMES])
+        collisions, holding = CollisionModel(model, structure), Holding.of(model, magnets)
+        return cls(lower, upper, velocities, collisions, holding, SteelSurface(structure))
