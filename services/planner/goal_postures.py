@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from services.planner.step_space import CONTACT_M, StepSpace
-from shared.climbing.stance import Stance
 from shared.errors import RefusedError
 from shared.geometry import SE3, Float
 from shared.robot.inverse_kinematics import candidates
@@ -74,18 +73,11 @@ def _reached(space: StepSpace, poses: Sequence[SE3]) -> Float:
 
 def _costs(space: StepSpace, q: Float, q_now: Float) -> Float:
     """In seconds (N,)."""
-    before, after = space.climber.holding.margins(space.stance, q), _margins_after(space, q)
+    holding = space.climber.holding
+    before, after = holding.margins(space.stance, q), holding.margins_after(space.stance, q)
     falls = np.where(after < space.min_margin, _FALL_S, 0.0)
     costs: Float = space.duration_s(q_now, q) + _MARGIN_S * (2 - before - after) + falls
     return costs
-
-
-def _margins_after(space: StepSpace, q: Float) -> Float:
-    """Of the foot that lands, once it is the fixed one (N,). Its turn about its normal may differ from row to row."""
-    stance, margins = space.stance, np.empty(len(q))
-    for i, T in enumerate(stance.free_matrices(q)):
-        margins[i] = space.climber.holding.margins(Stance(stance.free_foot, SE3.from_matrix(T)), q[i])
-    return margins
 
 
 def _first_free(space: StepSpace, q: Float) -> list[int]:

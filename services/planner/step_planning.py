@@ -82,9 +82,13 @@ def _away(space: StepSpace, q: Float, lift_m: float) -> Iterator[Float]:
     height_m = lift_m
     while height_m >= _LEAST_LIFT_M - 1e-9:
         way = _lifted(space, q, height_m)
-        if way is not None and space.is_path_free(way, -CONTACT_M) and space.is_free(way[-1:], 0.0):
+        if way is not None and space.is_free(_with_middles(way), -CONTACT_M) and space.is_free(way[-1:], 0.0):
             yield way
         height_m /= 1.5
+
+
+def _with_middles(way: Float) -> Float:
+    return np.concatenate([way, (way[:-1] + way[1:]) / 2])
 
 
 def _lifted(space: StepSpace, q: Float, height_m: float) -> Float | None:

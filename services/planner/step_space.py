@@ -33,11 +33,11 @@ class StepSpace:
 
     def is_free(self, q: Float, clearance_m: float) -> bool:
         """Whether all postures (S, 8) are free; a clearance below 0 allows as much depth."""
-        if not self.holds(q).all():
-            return False
         if clearance_m < 0:
-            return bool((self.surroundings.contacts(q).depth_m <= -clearance_m).all())
-        return bool(self.surroundings.is_free(q, clearance_m).all())
+            is_clear = self.surroundings.contacts(q).depth_m <= -clearance_m
+        else:
+            is_clear = self.surroundings.is_free(q, clearance_m)
+        return bool(is_clear.all()) and bool(self.holds(q).all())
 
     def is_way_free(self, q_start: Float, q_end: Float, clearance_m: float, step_m: float = _SAMPLE_M) -> bool:
         """Whether the straight line in joint space between two postures (8,) is."""
@@ -45,10 +45,6 @@ class StepSpace:
             return False
         bodies = self.climber.collisions.bodies
         return self.is_free(line_samples(q_start, q_end, self.stance, bodies, step_m), clearance_m)
-
-    def is_path_free(self, path: Float, clearance_m: float, step_m: float = _SAMPLE_M) -> bool:
-        """The same for a path (N, 8) of straight lines."""
-        return all(self.is_way_free(a, b, clearance_m, step_m) for a, b in zip(path[:-1], path[1:], strict=True))
 
     def duration_s(self, q_start: Float, q_end: Float) -> Float:
         """At the velocity limits (...), for postures (..., 8)."""

@@ -38,6 +38,11 @@ class Holding:
         """What is left of the magnet's limits (...) at rest in q (..., 8): 1 unloaded, below 0 the foot lets go."""
         return margin(self._wrench(stance, q), self.limits)
 
+    def margins_after(self, stance: Stance, q: ArrayLike) -> Float:
+        """The same of the foot that is free now, were it the fixed one, in each posture (...)."""
+        rotations = stance.free_matrices(q)[..., :3, :3]
+        return margin(holding_wrench(q, stance.free_foot, rotations, self.masses), self.limits)
+
     def overload(self, stance: Stance, q: ArrayLike) -> str | None:
         """Which limit the posture q (8,) is beyond, with load and limit; None if the foot holds."""
         return overload(self._wrench(stance, q), self.limits)
