@@ -111,6 +111,14 @@ def test_full_turns_are_taken_off_beside_the_grid_too():
     assert explain_unreachable(T_footA_footB(q), Foot.A, lower, upper) == ""
 
 
+def test_a_joint_is_named_with_the_turn_that_brings_it_nearest():
+    # foot B stands aside so that q4 is 3.5 rad or pi - 3.5 + 2 pi = 5.92 rad; neither is inside
+    lower, upper = LOWER.copy(), UPPER.copy()
+    lower[3:5], upper[3:5] = (3.7, -4.2), (4.0, -3.4)
+    reason = explain_unreachable(SE3.trans(0.1, 0.15 * np.sin(3.5), 0.0), Foot.A, lower, upper)
+    assert reason == "q4 would be 3.5 rad, must be within 3.7..4 rad"
+
+
 def test_farther_aside_than_the_hip_is_long():
     assert explain_unreachable(SE3.trans(y_m=0.4), Foot.A, LOWER, UPPER) == (
         "leg B would start farther from leg A's plane than the hip is long (0.15 m)"
