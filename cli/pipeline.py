@@ -22,9 +22,10 @@ SERVICES: dict[str, list[str]] = {
     "evaluator": ["services.evaluator"],
     "mapper": ["services.mapper"],
     "lidar": ["services.sensors", "--sensor", "lidar"],
+    "planner": ["services.planner"],
     "sim": ["services.sim"],
 }
-START_GROUPS = (("recorder",), ("evaluator", "mapper", "lidar"), ("sim",))
+START_GROUPS = (("recorder",), ("evaluator", "mapper", "lidar", "planner"), ("sim",))
 """A group is started when the one before is ready: who listens before who speaks, so that nothing said is missed.
 
 They are stopped the other way round.

@@ -75,6 +75,41 @@ def leg(
 
 
 @app.command()
+def step(
+    foot: Annotated[
+        str | None, typer.Argument(metavar="[A|B]", help="The foot to put there; default the free one.")
+    ] = None,
+    point: Annotated[tuple[float, float, float] | None, typer.Option(help="On the steel, in metres.")] = None,
+    normal: Annotated[tuple[float, float, float] | None, typer.Option(help="Out of the steel there.")] = None,
+    pose: Annotated[
+        tuple[float, float, float, float, float, float, float] | None,
+        typer.Option(metavar="X Y Z QX QY QZ QW", help="Of the foot plate's centre, instead of point and normal."),
+    ] = None,
+    config: ConfigOption = DEFAULT_CONFIG,
+    set_: SetOption = None,
+) -> None:
+    """Puts a foot on steel and waits until it stands there; exit code 1 with the reason if it does not get there.
+
+    Example: hyrecro robot step --point 0 -0.35 10.1 --normal 0 0 1
+    """
+    from cli.stepping import step_foot
+    from shared.errors import MessageError
+    from shared.messaging.messages import Foot, FootTarget
+    from shared.runtime.runner import StopSignal
+
+    if foot is not None and foot not in Foot.__members__:
+        raise typer.BadParameter(f"{foot!r} is not a foot: A or B")
+    try:
+        wanted = None if foot is None else Foot(foot)
+        target = FootTarget(foot=wanted, T_world_foot=pose, point_m=point, normal=normal)  # type: ignore[arg-type]
+    except MessageError as error:
+        raise typer.BadParameter(f"{error} (--pose, or --point and --normal)") from error
+    stop = StopSignal()
+    if not step_foot(resolved(config, set_), target, stop.is_set):
+        raise typer.Exit(stop.exit_code())
+
+
+@app.command()
 def check(
     trajectory: Annotated[Path, typer.Argument(metavar="FILE.csv", help="Header q1..q8; a target or C,...,C a row.")],
     config: ConfigOption = DEFAULT_CONFIG,

@@ -21,6 +21,8 @@ _NUM_CHECKED = 256
 """Postures that are checked for collision at a time, cheapest first."""
 _NUM_SEARCHED = 3
 """Poses whose surroundings are searched where the grid finds no posture at all, at 10 ms each."""
+_TURN_OFF_RAD = 4e-3
+"""A fixed foot that stands a little askew makes exact goals in its legs' plane unreachable: this counts as exact."""
 _MARGIN_S = 2.0
 """Seconds of motion that a whole margin is worth."""
 _FALL_S = 100.0
@@ -62,9 +64,14 @@ def _reached(space: StepSpace, poses: Sequence[SE3]) -> Float:
     stance, lower, upper = space.stance, space.climber.lower, space.climber.upper
     T_fixed_free = [stance.T_world_foot.inv() @ pose for pose in poses]
     grid = (np.linspace(lower[6], upper[6], 5), np.linspace(lower[7], upper[7], 49), np.linspace(-np.pi, np.pi, 25))
-    found = [wraps_within(candidates(T, stance.fixed_foot, *grid), lower, upper) for T in T_fixed_free]
+    found = [
+        wraps_within(candidates(T, stance.fixed_foot, *grid, singular_rad=_TURN_OFF_RAD), lower, upper)
+        for T in T_fixed_free
+    ]
     if not any(map(len, found)):
-        found = [reach(T, stance.fixed_foot, lower, upper) for T in T_fixed_free[:_NUM_SEARCHED]]
+        found = [
+            reach(T, stance.fixed_foot, lower, upper, singular_rad=_TURN_OFF_RAD) for T in T_fixed_free[:_NUM_SEARCHED]
+        ]
     q = np.concatenate(found)
     if not len(q):
         raise RefusedError(f"unreachable: {explain_unreachable(T_fixed_free[0], stance.fixed_foot, lower, upper)}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -67,8 +68,7 @@ def plan_step(
         reason = _first_cut(space, q_goals[0])
         raise RefusedError(f"collision: foot {stance.free_foot.value} cannot land along the normal: {reason}")
     transfer, landing = _transfer(space, lift[-1], landings, config, rng)
-    path = np.concatenate([lift, transfer, landing])
-    margin = _least_margin(space, path)
+    margin = _least_margin(space, np.concatenate([lift, transfer, landing]))
     return StepPlan(stance, stance.T_world_free(landing[-1]), lift, transfer, landing, margin)
 
 
@@ -143,14 +143,14 @@ def _search(
         if rng.random() < 0.5:
             return rng.uniform(lower, upper)
         middle = q_start + rng.random() * (q_goals[rng.integers(len(q_goals))] - q_start)
-        return np.clip(middle + _SPREAD * _SCALE * rng.standard_normal(8), lower, upper)
+        return np.asarray(np.clip(middle + _SPREAD * _SCALE * rng.standard_normal(8), lower, upper))
 
     path = find_path(q_start, q_goals, _SCALE, is_way_free, draw, config.max_iterations)
     return None if path is None else shortened(path, is_way_free, rng, _NUM_SHORTCUTS)
 
 
 def _least_margin(space: StepSpace, path: Float) -> float:
-    ways = [_samples(space, a, b) for a, b in zip(path[:-1], path[1:], strict=True)]
+    ways = [_samples(space, a, b) for a, b in pairwise(path)]
     return space.climber.holding.worst(space.stance, np.concatenate(ways))[1]
 
 

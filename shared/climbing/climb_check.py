@@ -118,7 +118,9 @@ class ClimbCheck:
         i, margin = self._climber.holding.worst(stance, samples)
         if margin >= self._limits.min_margin:
             return margin, []
-        reason = self._climber.holding.overload(stance, samples[i]) or f"margin must be at least {self._limits.min_margin:g}"
+        reason = (
+            self._climber.holding.overload(stance, samples[i]) or f"margin must be at least {self._limits.min_margin:g}"
+        )
         where = "" if len(samples) == 1 else f" at {100 * i / (len(samples) - 1):.0f} % of the way"
         return margin, [f"foot {stance.fixed_foot.value} lets go{where}: {reason}"]
 

@@ -119,6 +119,8 @@ def test_the_margin_is_the_least_on_the_way_and_says_what_lets_go():
     start, _ = check.reports([Row(2, STEP)], wall, ZERO)
     assert start.margin < 0
     assert any("foot A lets go: shear" in problem or "foot A lets go: tilt" in problem for problem in start.problems)
-    start, move = ClimbCheck(Climber.of(MODEL, structure(bar)), ClimbLimits(min_margin=0.99)).reports([Row(2, STEP)], wall, ZERO)
+    start, move = ClimbCheck(Climber.of(MODEL, structure(bar)), ClimbLimits(min_margin=0.99)).reports(
+        [Row(2, STEP)], wall, ZERO
+    )
     assert start.problems == ("foot A lets go: margin must be at least 0.99",)
     assert "% of the way: margin must be" in move.problems[0]
