@@ -61,10 +61,14 @@ def stand_text(T_world_foot: SE3, steel: SteelSurface) -> str:
 
 def _contact_text(contact: SoleContact) -> str:
     return (
-        f"{', '.join(contact.members)} covers {100 * contact.coverage:.0f} % of the sole, {1e3 * contact.gap_m:.1f} mm "
+        f"{', '.join(contact.members)} covers {100 * contact.coverage:.0f} % of the sole, {_mm(contact.gap_m)} mm "
         f"below it, {math.degrees(contact.angle_rad):.1f} deg off; all of it within {1e3 * MAX_GAP_M:g} mm and "
         f"{math.degrees(MAX_ANGLE_RAD):g} deg is needed"
     )
+
+
+def _mm(length_m: float) -> str:
+    return f"{round(1e3 * length_m, 1) + 0.0:.1f}"
 
 
 def _least_turned(T_world_now: SE3, z: np.typing.NDArray[np.float64], xyz_m: np.typing.NDArray[np.float64]) -> SE3:

@@ -29,11 +29,11 @@ _FALL_S = 100.0
 """What it costs that the landed foot would not hold when it is the fixed one."""
 
 
-def goal_postures(space: StepSpace, poses: Sequence[SE3], q_now: Float) -> tuple[Float, Float]:
-    """Free postures (K, 8) with the free foot at one of the poses T_world_foot, best first, and their costs (K,) in s.
+def goal_postures(space: StepSpace, poses: Sequence[SE3], q_now: Float) -> Float:
+    """Free postures (K, 8) with the free foot at one of the poses T_world_foot, best first.
 
-    The cost is the time to go there at the velocity limits, plus what little margin the magnets have before and after
-    the change of foot.
+    Best is the least time to go there at the velocity limits, plus what the magnets lack of their margin before and
+    after the change of foot. Postures in which the landed foot would not hold come only where there are no others.
 
     Raises:
         RefusedError: unreachable, holding or collision, in this order, with what comes nearest.
@@ -48,13 +48,15 @@ def goal_postures(space: StepSpace, poses: Sequence[SE3], q_now: Float) -> tuple
     free = _first_free(space, held)
     if not len(free):
         raise RefusedError(f"collision: {_least_cut(space, held)}")
+    lasting = [i for i in free if costs[i] < _FALL_S]
     kept: list[int] = []
-    for i in free:
+    for i in lasting or free:
         if all(np.abs((held[i] - held[j]) * _SCALE).max() >= _LEAST_APART for j in kept):
             kept.append(i)
         if len(kept) == _NUM_KEPT:
             break
-    return held[kept], costs[kept]
+    chosen: Float = held[kept]
+    return chosen
 
 
 _SCALE = np.array([1, 10, 1, 1, 1, 1, 10, 1])

@@ -59,22 +59,22 @@ def plan_step(
     space = StepSpace(climber, stance, config.min_margin)
     poses = footings(target, stance.T_world_free(q_now), climber.steel)
     _check_start(space, q_now)
-    q_goals, _ = goal_postures(space, poses, q_now)
+    q_goals = goal_postures(space, poses, q_now)
     lift = next(_away(space, q_now, config.lift_m), None)
     if lift is None:
-        raise RefusedError(f"collision: foot {stance.free_foot.value} cannot lift off: {_first_cut(space, q_now)}")
+        raise RefusedError(_why_not_along_normal(space, q_now, "lift off"))
     landings = [landing[::-1] for q in q_goals if (landing := next(_away(space, q, config.lift_m), None)) is not None]
     if not landings:
-        reason = _first_cut(space, q_goals[0])
-        raise RefusedError(f"collision: foot {stance.free_foot.value} cannot land along the normal: {reason}")
+        raise RefusedError(_why_not_along_normal(space, q_goals[0], "land"))
     transfer, landing = _transfer(space, lift[-1], landings, config, rng)
     margin = _least_margin(space, np.concatenate([lift, transfer, landing]))
     return StepPlan(stance, stance.T_world_free(landing[-1]), lift, transfer, landing, margin)
 
 
 def _check_start(space: StepSpace, q: Float) -> None:
-    if (reason := space.climber.holding.overload(space.stance, q)) is not None:
-        raise RefusedError(f"holding: foot {space.stance.fixed_foot.value} lets go before the step: {reason}")
+    foot, holding = space.stance.fixed_foot.value, space.climber.holding
+    if (reason := holding.overload(space.stance, q)) is not None:
+        raise RefusedError(f"holding: foot {foot} lets go before the step: {reason}")
 
 
 def _away(space: StepSpace, q: Float, lift_m: float) -> Iterator[Float]:
@@ -122,9 +122,9 @@ def _transfer(
         path = _search(space, q_lifted, np.array([landing[0] for landing in reachable]), clearance_m, config, rng)
         if path is not None:
             return path, next(landing for landing in reachable if (landing[0] == path[-1]).all())
-    reason = _way_cut(space, q_lifted, landings[0][0])
+    kind, reason = _obstacle(space, _samples(space, q_lifted, landings[0][0]), 0.0)
     raise RefusedError(
-        f"collision: no free way found after {config.max_iterations} iterations; on the straight one {reason}"
+        f"{kind}: no free way found after {config.max_iterations} iterations; on the straight one {reason}"
     )
 
 
@@ -158,20 +158,24 @@ def _samples(space: StepSpace, q_start: Float, q_end: Float) -> Float:
     return line_samples(q_start, q_end, space.stance, space.climber.collisions.bodies, _VERIFY_M)
 
 
-def _first_cut(space: StepSpace, q: Float) -> str:
-    """What a foot that leaves along its normal by the least height meets."""
+def _why_not_along_normal(space: StepSpace, q: Float, verb: str) -> str:
+    """What a foot meets that leaves from (or comes to) q along its normal by the least height."""
     way = _lifted(space, q, _LEAST_LIFT_M)
-    if way is None:
-        return f"the joints do not go {1e3 * _LEAST_LIFT_M:g} mm along its normal"
-    return _way_cut(space, way[0], way[-1])
+    kind, reason = "unreachable", f"the joints do not go {1e3 * _LEAST_LIFT_M:g} mm along its normal"
+    if way is not None:
+        kind, reason = _obstacle(space, _with_middles(way), CONTACT_M)
+    return f"{kind}: foot {space.stance.free_foot.value} cannot {verb} along its normal: {reason}"
 
 
-def _way_cut(space: StepSpace, q_start: Float, q_end: Float) -> str:
-    samples = _samples(space, q_start, q_end)
+def _obstacle(space: StepSpace, samples: Float, depth_m: float) -> tuple[str, str]:
+    """What is in the way of postures (S, 8) that may cut in by depth_m: kind and text of a refusal."""
     contacts = space.surroundings.contacts(samples)
     i = contacts.deepest()
-    if contacts.depth_m[i] > 0:
-        return f"{contacts.link[i]} cuts {1e3 * contacts.depth_m[i]:.1f} mm into {contacts.other[i]}"
-    worst, margin = space.climber.holding.worst(space.stance, samples)
-    reason = space.climber.holding.overload(space.stance, samples[worst]) or f"the holding margin falls to {margin:.2f}"
-    return f"the fixed foot lets go: {reason}"
+    if contacts.depth_m[i] > depth_m:
+        return "collision", f"{contacts.link[i]} cuts {1e3 * contacts.depth_m[i]:.1f} mm into {contacts.other[i]}"
+    foot, holding = space.stance.fixed_foot.value, space.climber.holding
+    worst, margin = holding.worst(space.stance, samples)
+    if margin < space.min_margin:
+        reason = holding.overload(space.stance, samples[worst])
+        return "holding", reason or f"margin of foot {foot} is {margin:.2f}, must be at least {space.min_margin:g}"
+    return "collision", "there is no room beside it"
