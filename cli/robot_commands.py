@@ -105,8 +105,10 @@ def step(
     except MessageError as error:
         raise typer.BadParameter(f"{error} (--pose, or --point and --normal)") from error
     stop = StopSignal()
-    if not step_foot(resolved(config, set_), target, stop.is_set):
+    landed = step_foot(resolved(config, set_), target, stop.is_set)
+    if landed is None:
         raise typer.Exit(stop.exit_code())
+    typer.echo(f"foot {landed.value} stands")
 
 
 @app.command()

@@ -10,7 +10,7 @@ from shared.messaging.bus import Bus
 from shared.messaging.channels import FOOT_STATUS, FOOT_TARGET
 from shared.messaging.codec import decode
 from shared.messaging.inbox import Inbox
-from shared.messaging.messages import FootPhase, FootStatus, FootTarget
+from shared.messaging.messages import Foot, FootPhase, FootStatus, FootTarget
 from shared.runtime.config import Config
 
 _PLANNING_TIMEOUT_S = 60.0
@@ -23,8 +23,8 @@ class StepError(HyrecroError):
     """A step that did not get to its end; the text is the planner's."""
 
 
-def step_foot(config: Config, target: FootTarget, is_stopping: Callable[[], bool]) -> bool:
-    """Returns whether the foot stands where it should, False when stopped by a signal.
+def step_foot(config: Config, target: FootTarget, is_stopping: Callable[[], bool]) -> Foot | None:
+    """Returns the foot that now stands where it should, None when stopped by a signal.
 
     Raises:
         RefusedError: with the planner's reason. StepError: the step failed or was stopped by someone else.
@@ -40,10 +40,10 @@ def step_foot(config: Config, target: FootTarget, is_stopping: Callable[[], bool
                 task, completed=status.progress, description=f"foot {status.foot.value}: {status.phase.value}"
             )
             if status.phase is FootPhase.DONE:
-                return True
+                return status.foot
             if status.phase in (FootPhase.FAILED, FootPhase.STOPPED):
                 raise StepError(f"foot {status.foot.value} {status.phase.value}: {status.text}")
-    return False
+    return None
 
 
 def _statuses(bus: Bus, inbox: Inbox, is_stopping: Callable[[], bool]) -> Iterator[FootStatus]:

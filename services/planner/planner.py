@@ -152,7 +152,9 @@ class StepPlanner:
         return []
 
     def _send_next(self, step: _Step, stamp_ns: int) -> list[Message]:
-        if step.phase is not FootPhase.PLANNING and stamp_ns < step.due_ns:
+        if step.phase is FootPhase.PLANNING:
+            step.due_ns = stamp_ns
+        if stamp_ns < step.due_ns:
             return []
         start_s = step.sent_s
         step.sent_s = min(start_s + self._period_ns / 1e9, step.schedule.duration_s)
