@@ -11,6 +11,8 @@ from shared.climbing.stance import Stance
 from shared.geometry import Float
 
 _NUM_COARSE = 17
+_MAX_SAMPLES = 20_000
+"""Twice what the longest way within the joint limits takes: a file in degrees shall not take all memory."""
 _PEAK = 1.05
 """A point may be so much faster than on the mean of its fastest coarse piece."""
 
@@ -25,6 +27,6 @@ def line_samples(q_start: Float, q_end: Float, stance: Stance, bodies: tuple[Bod
         T_world_body = T[:, kind.chain]
         corners = kind.corners_m() @ T_world_body[..., :3, :3].swapaxes(-1, -2) + T_world_body[..., None, :3, 3]
         fastest_m = max(fastest_m, float(np.linalg.norm(np.diff(corners, axis=0), axis=-1).max()))
-    num = max(1, math.ceil(_PEAK * fastest_m * (_NUM_COARSE - 1) / step_m))
+    num = min(max(1, math.ceil(_PEAK * fastest_m * (_NUM_COARSE - 1) / step_m)), _MAX_SAMPLES)
     samples: Float = q_start + np.linspace(0.0, 1.0, num + 1)[:, None] * (q_end - q_start)
     return samples
