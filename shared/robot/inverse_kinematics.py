@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from shared.geometry import SE3, Float
 from shared.messaging.messages import Foot
 from shared.robot.kinematics import HYRECRO, RobotGeometry
-from shared.robot.limits import wraps_within
 
 BRANCHES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 """(s1, s2) in the order in which `solve_batch` returns them."""
@@ -123,33 +122,3 @@ def candidates(
     free = np.meshgrid(np.atleast_1d(q7), np.atleast_1d(q8), alphas, indexing="ij")
     q = solve_batch(T_footA_footB, free[0], free[1], free[2], geometry).reshape(-1, 8)
     return q[~np.isnan(q).any(axis=1)]
-
-
-def reach(
-    T_fixed_free: SE3,
-    fixed_foot: Foot,
-    lower: ArrayLike,
-    upper: ArrayLike,
-    q7: ArrayLike | None = None,
-    q8: ArrayLike | None = None,
-    alpha: ArrayLike | None = None,
-    geometry: RobotGeometry = HYRECRO,
-) -> Float:
-    """Every posture (K, 8) within lower..upper (8,) that puts the free foot at T_fixed_free, over a grid.
-
-    q7, q8, alpha: the values to try; None spreads 5, 65 and 33 of them over what the limits allow. K = 0: none found.
-    """
-    lower, upper = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
-    grid = free_values(lower, upper)
-    q7, q8, alpha = (default if given is None else given for given, default in zip((q7, q8, alpha), grid, strict=True))
-    return wraps_within(candidates(T_fixed_free, fixed_foot, q7, q8, alpha, geometry), lower, upper)
-
-
-def free_values(lower: Float, upper: Float) -> tuple[Float, Float, Float]:
-    """5 values of q7, 65 of q8, 33 of alpha = q1 + q3, evenly over what the limits (8,) allow, ends included."""
-    alpha_lower, alpha_upper = (max(-np.pi, lower[0] + lower[2]), min(np.pi, upper[0] + upper[2]))
-    return (
-        np.linspace(lower[6], upper[6], 5),
-        np.linspace(lower[7], upper[7], 65),
-        np.linspace(alpha_lower, alpha_upper, 33),
-    )

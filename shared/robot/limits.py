@@ -14,6 +14,9 @@ from shared.robot.kinematics import IS_PRISMATIC, joint_values
 
 JOINT_UNITS = tuple("m" if slides else "rad" for slides in IS_PRISMATIC)
 
+LIMIT_TOLERANCE = 1e-9
+"""Radians or metres by which rounding may take a computed joint beyond its limit."""
+
 
 def joint_bounds(model: UrdfModel) -> tuple[Float, Float]:
     """Lower and upper positions (8,) of q1 to q8 in radians or metres.
@@ -42,7 +45,7 @@ def beyond_limits(
     ]
 
 
-def wraps_within(q: ArrayLike, lower: ArrayLike, upper: ArrayLike, tolerance: float = 1e-9) -> Float:
+def wraps_within(q: ArrayLike, lower: ArrayLike, upper: ArrayLike, tolerance: float = LIMIT_TOLERANCE) -> Float:
     """Every posture (K, 8) that is one of q (N, 8) up to full turns of the revolute joints, and inside the limits (8,).
 
     A joint that is beyond a limit by no more than `tolerance` radians or metres is set to that limit. Where a joint's

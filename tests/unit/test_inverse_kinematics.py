@@ -1,13 +1,11 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
 
 from shared.geometry import SE3
 from shared.messaging.messages import Foot
-from shared.robot.inverse_kinematics import BRANCHES, candidates, reach, solve, solve_batch
-from shared.robot.kinematics import RobotGeometry, T_fixed_free, T_footA_footB, foot_matrices
-from tests.support.postures import LOWER, UPPER, posture_distance, postures, random_postures
+from shared.robot.inverse_kinematics import BRANCHES, candidates, solve, solve_batch
+from shared.robot.kinematics import RobotGeometry, T_footA_footB, foot_matrices
+from tests.support.postures import posture_distance, random_postures
 
 NEAR_ZERO = [0.0, 1e-3, 1e-5, 1e-7, 1e-8, 2e-9, 9e-10, 1e-10, 1e-12, 1e-15]
 
@@ -96,40 +94,6 @@ def test_other_lengths():
 def test_wrong_shapes_are_refused():
     with pytest.raises(ValueError, match=r"T_footA_footB must be \(\.\.\., 4, 4\), got \(3, 3\)"):
         solve_batch(np.eye(3), 0.0, 0.0)
-
-
-@given(postures, st.sampled_from(Foot))
-def test_reach_finds_a_posture_again_with_either_foot_fixed(q, fixed_foot):
-    assume(not 0 < abs(np.sin(q[3] + q[4])) < 1e-6)  # there rounding alone can take a joint beyond its limit
-    assume(not 0 < abs(np.cos(q[3])) < 1e-6)
-    T = T_fixed_free(q, fixed_foot)
-    found = reach(T, fixed_foot, LOWER, UPPER, q7=q[6], q8=q[7], alpha=q[0] + q[2])
-    assert len(found)
-    assert ((found >= LOWER) & (found <= UPPER)).all()
-    for other in found:
-        np.testing.assert_allclose(T_fixed_free(other, fixed_foot).matrix, T.matrix, atol=2e-8)
-
-
-@pytest.mark.parametrize("fixed_foot", Foot)
-def test_reach_spreads_the_free_joints_by_itself(fixed_foot):
-    T = SE3.trans(x_m=0.3) if fixed_foot is Foot.A else SE3.trans(x_m=-0.3)
-    found = reach(T, fixed_foot, LOWER, UPPER)
-    assert len(found) > 100
-    T_footA_footB = SE3.trans(x_m=0.3).matrix
-    assert np.abs(foot_matrices(found) - T_footA_footB).max() < 1e-8
-    assert np.ptp(found[:, 6]) > 0.02
-    assert np.ptp(found[:, 7]) > 0.5
-
-
-def test_reach_returns_both_wraps_of_the_hip():
-    T = T_footA_footB([0.1, 0.0, -0.4, 3.15, 3.15, -0.8, 0.0, -0.4])
-    found = reach(T, Foot.A, LOWER, UPPER, q7=0.0, q8=-0.4)
-    wraps = {tuple(np.sign(q[3:5])) for q in found if abs(abs(q[3]) - np.pi) < 0.1}
-    assert wraps == {(1, 1), (1, -1), (-1, 1), (-1, -1)}
-
-
-def test_reach_of_what_is_too_far_is_empty():
-    assert reach(SE3.trans(x_m=0.8), Foot.A, LOWER, UPPER).shape == (0, 8)
 
 
 def test_candidates_use_alpha_only_where_it_is_free():
