@@ -12,8 +12,6 @@ from shared.messaging.messages import Foot
 from shared.robot.jacobian import foot_and_jacobian
 from shared.robot.kinematics import HYRECRO, IS_PRISMATIC, RobotGeometry
 
-_TOLERANCE = 1e-10
-"""Length of the remaining error, metres and radians taken alike, that counts as reached."""
 _MAX_ITERATIONS = 60
 _MAX_STEP_RAD = 0.5
 _FIRST_DAMPING, _MAX_DAMPING = 1e-2, 1e6
@@ -28,6 +26,7 @@ def follow_pose(
     fixed_foot: Foot,
     lower: ArrayLike,
     upper: ArrayLike,
+    tolerance: float = 1e-10,
     geometry: RobotGeometry = HYRECRO,
 ) -> Float | None:
     """The posture (8,) near q_start (8,) with the free foot's plate at T_fixed_free_goal, or None if none was found.
@@ -35,6 +34,9 @@ def follow_pose(
     Every joint stays within lower..upper (8,); one that meets its limit waits there while the others go on. Each step
     is the shortest that removes the error, so joints that the pose leaves free hardly move. Meant for goals a small
     step away: from far it can stop short of a posture that exists, which `reach` finds.
+
+    tolerance: length of the remaining error, metres and radians taken alike, that counts as reached. With both legs in
+    one plane no step rolls the foot about the line between them: goals off by rounding need a tolerance above it.
 
     Source: Levenberg-Marquardt damped by the error's square (Yamashita & Fukushima 2001), bounds by an active set.
     """
@@ -46,7 +48,7 @@ def follow_pose(
     size = math.sqrt(error @ error)
     damping = _FIRST_DAMPING
     for _ in range(_MAX_ITERATIONS):
-        if size < _TOLERANCE:
+        if size < tolerance:
             return q
         if damping > _MAX_DAMPING:
             return None

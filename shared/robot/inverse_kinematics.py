@@ -18,8 +18,8 @@ from shared.robot.kinematics import HYRECRO, RobotGeometry
 BRANCHES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 """(s1, s2) in the order in which `solve_batch` returns them."""
 
-SINGULAR = 1e-9
-"""sin(gamma) up to which alpha is taken as free; the foot's orientation is off by no more than this."""
+SINGULAR_RAD = 1e-9
+"""Angle between the legs' planes up to which alpha is taken as free; the foot is turned off by no more than this."""
 _SINE_ROUNDING = 1e-12
 """By how much sin(q4) may exceed 1, by rounding, before there is no solution."""
 _SINE_IS_ONE = 2e-15
@@ -27,14 +27,19 @@ _SINE_IS_ONE = 2e-15
 
 
 def solve_batch(
-    T_footA_footB: ArrayLike, q7: ArrayLike, q8: ArrayLike, alpha: ArrayLike = 0.0, geometry: RobotGeometry = HYRECRO
+    T_footA_footB: ArrayLike,
+    q7: ArrayLike,
+    q8: ArrayLike,
+    alpha: ArrayLike = 0.0,
+    geometry: RobotGeometry = HYRECRO,
+    singular_rad: float = SINGULAR_RAD,
 ) -> Float:
     """Postures (..., 4, 8) by branch that put foot B at T_footA_footB (..., 4, 4); NaN where a branch has none.
 
     q7 in metres, q8 and alpha in radians are (...) and broadcast with each other and with the poses; alpha = q1 + q3
-    counts only where sin(gamma) is below SINGULAR, and the branches with s1 = -1 are NaN there. Angles are within
+    counts only where sin(gamma) is below singular_rad, and the branches with s1 = -1 are NaN there. Angles are within
     -pi..pi. Joint limits are not considered. Within d of sin(gamma) = 0 or cos(q4) = 0 joints are exact to 1e-15 / d
-    only, the foot's pose always to 1e-9.
+    only, the foot's pose to singular_rad.
 
     Raises:
         ValueError: the shapes do not fit.
@@ -48,7 +53,7 @@ def solve_batch(
     s1, s2 = np.array(BRANCHES, dtype=np.float64).T
     R, p = T[..., None, :3, :3], T[..., None, :3, 3]
 
-    alpha, beta, gamma, is_solution = _rotation_angles(R, s1, alpha)
+    alpha, beta, gamma, is_solution = _rotation_angles(R, s1, alpha, singular_rad)
     hip_b = _hip_b(R, p, q7, q8, beta, geometry)
     sine = hip_b[..., 1] / geometry.hip_axes_m
     is_solution = is_solution & (np.abs(sine) <= 1 + _SINE_ROUNDING)
@@ -61,13 +66,15 @@ def solve_batch(
     return np.where(is_solution[..., None], q, np.nan)
 
 
-def _rotation_angles(R: Float, s1: Float, free_alpha: Float) -> tuple[Float, Float, Float, NDArray[np.bool_]]:
+def _rotation_angles(
+    R: Float, s1: Float, free_alpha: Float, singular_rad: float
+) -> tuple[Float, Float, Float, NDArray[np.bool_]]:
     """alpha, beta, gamma and whether the branch exists, each (..., 4).
 
     beta and gamma come from what alpha leaves of R, so that near sin(gamma) = 0 they make up for its rounding errors.
     """
     r12, r32 = R[..., 0, 1], R[..., 2, 1]
-    is_singular = np.hypot(r12, r32) < SINGULAR
+    is_singular = np.hypot(r12, r32) < singular_rad
     alpha = np.where(is_singular, free_alpha, np.arctan2(-s1 * r32, -s1 * r12))
     c, s = np.cos(alpha), np.sin(alpha)
     beta = np.arctan2(c * R[..., 2, 0] - s * R[..., 0, 0], c * R[..., 2, 2] - s * R[..., 0, 2])
@@ -111,14 +118,15 @@ def candidates(
     q8: ArrayLike,
     alpha: ArrayLike,
     geometry: RobotGeometry = HYRECRO,
+    singular_rad: float = SINGULAR_RAD,
 ) -> Float:
     """Postures (K, 8), limits not considered, for every pair of the values q7 (N,) in metres and q8 (M,) in radians.
 
     Where alpha is free every alpha (A,) in radians is tried as well.
     """
     T_footA_footB = (T_fixed_free if fixed_foot is Foot.A else T_fixed_free.inv()).matrix
-    is_singular = bool(np.hypot(T_footA_footB[0, 1], T_footA_footB[2, 1]) < SINGULAR)
+    is_singular = bool(np.hypot(T_footA_footB[0, 1], T_footA_footB[2, 1]) < singular_rad)
     alphas = np.atleast_1d(alpha) if is_singular else np.zeros(1)
     free = np.meshgrid(np.atleast_1d(q7), np.atleast_1d(q8), alphas, indexing="ij")
-    q = solve_batch(T_footA_footB, free[0], free[1], free[2], geometry).reshape(-1, 8)
+    q = solve_batch(T_footA_footB, free[0], free[1], free[2], geometry, singular_rad).reshape(-1, 8)
     return q[~np.isnan(q).any(axis=1)]

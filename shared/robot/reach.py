@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from shared.geometry import SE3, Float
 from shared.messaging.messages import JOINT_NAMES, Foot
 from shared.robot.follow_pose import follow_pose
-from shared.robot.inverse_kinematics import candidates
+from shared.robot.inverse_kinematics import SINGULAR_RAD, candidates
 from shared.robot.kinematics import HYRECRO, IS_PRISMATIC, RobotGeometry
 from shared.robot.limits import JOINT_UNITS, LIMIT_TOLERANCE, beyond_limits, wraps_within
 
@@ -25,26 +25,37 @@ def reach(
     q8: ArrayLike | None = None,
     alpha: ArrayLike | None = None,
     geometry: RobotGeometry = HYRECRO,
+    singular_rad: float = SINGULAR_RAD,
 ) -> Float:
     """Postures (K, 8) within lower..upper (8,) that put the free foot at T_fixed_free; K = 0 if none was found.
 
     Over a grid: q7 (N,) in metres, q8 (M,) and alpha (A,) in radians are the values to try (`inverse_kinematics` says
     what alpha is); None spreads 5, 65 and 33 of them over what the limits allow. If there are none on the grid, but
     one beside it, that one.
+
+    singular_rad: legs whose planes are turned against each other by less count as in one plane, and the foot may be
+    turned off by as much. Planar goals that carry errors need it above these: the exact posture would be far away.
     """
     lower, upper = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     grid = _free_values(lower, upper)
     q7, q8, alpha = (default if given is None else given for given, default in zip((q7, q8, alpha), grid, strict=True))
-    found = wraps_within(candidates(T_fixed_free, fixed_foot, q7, q8, alpha, geometry), lower, upper)
+    found = wraps_within(candidates(T_fixed_free, fixed_foot, q7, q8, alpha, geometry, singular_rad), lower, upper)
     if len(found):
         return found
-    closest = _closest_posture(T_fixed_free, fixed_foot, lower, upper, geometry)
-    beside = None if closest is None else _beside(closest, T_fixed_free, fixed_foot, lower, upper, geometry)
+    closest = _closest_posture(T_fixed_free, fixed_foot, lower, upper, geometry, singular_rad)
+    beside = (
+        None if closest is None else _beside(closest, T_fixed_free, fixed_foot, lower, upper, geometry, singular_rad)
+    )
     return found if beside is None else beside[None]
 
 
 def explain_unreachable(
-    T_fixed_free: SE3, fixed_foot: Foot, lower: ArrayLike, upper: ArrayLike, geometry: RobotGeometry = HYRECRO
+    T_fixed_free: SE3,
+    fixed_foot: Foot,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    geometry: RobotGeometry = HYRECRO,
+    singular_rad: float = SINGULAR_RAD,
 ) -> str:
     """Why no posture within lower..upper (8,) puts the free foot at T_fixed_free; empty if one does after all.
 
@@ -59,31 +70,37 @@ def explain_unreachable(
             f"the free foot would be {distance_m:.4g} m from the fixed one, {distance_m - longest_m:.4g} m farther "
             f"than legs and hip are long together ({longest_m:.4g} m)"
         )
-    q = _closest_posture(T_fixed_free, fixed_foot, lower, upper, geometry)
+    q = _closest_posture(T_fixed_free, fixed_foot, lower, upper, geometry, singular_rad)
     if q is None:
         return f"leg B would start farther from leg A's plane than the hip is long ({geometry.hip_axes_m:g} m)"
-    if _beside(q, T_fixed_free, fixed_foot, lower, upper, geometry) is not None:
+    if _beside(q, T_fixed_free, fixed_foot, lower, upper, geometry, singular_rad) is not None:
         return ""
     return "; ".join(beyond_limits(JOINT_NAMES, q, lower, upper, JOINT_UNITS, "would be"))
 
 
 def _beside(
-    q: Float, T_fixed_free: SE3, fixed_foot: Foot, lower: Float, upper: Float, geometry: RobotGeometry
+    q: Float,
+    T_fixed_free: SE3,
+    fixed_foot: Foot,
+    lower: Float,
+    upper: Float,
+    geometry: RobotGeometry,
+    singular_rad: float,
 ) -> Float | None:
     """A posture (8,) within the limits at that pose, near q, which is at that pose but may be beyond them."""
     is_inside = (_beyond(q, lower, upper) <= LIMIT_TOLERANCE).all()
     inside = np.clip(q, lower, upper)
-    return inside if is_inside else follow_pose(inside, T_fixed_free, fixed_foot, lower, upper, geometry)
+    return inside if is_inside else follow_pose(inside, T_fixed_free, fixed_foot, lower, upper, singular_rad, geometry)
 
 
 def _closest_posture(
-    T_fixed_free: SE3, fixed_foot: Foot, lower: Float, upper: Float, geometry: RobotGeometry
+    T_fixed_free: SE3, fixed_foot: Foot, lower: Float, upper: Float, geometry: RobotGeometry, singular_rad: float
 ) -> Float | None:
     """The posture (8,) at that pose that is least beyond the limits, over a grid that is refined about its best."""
     grid = list(_free_values(lower, upper))
     best: Float | None = None
     for _ in range(1 + _REFINEMENTS):
-        found = candidates(T_fixed_free, fixed_foot, grid[0], grid[1], grid[2], geometry)
+        found = candidates(T_fixed_free, fixed_foot, grid[0], grid[1], grid[2], geometry, singular_rad)
         if best is not None:
             found = np.concatenate([best[None], found])
         if not len(found):

@@ -53,6 +53,8 @@ def test_the_radius_of_twist_is_the_mean_distance_from_the_centre():
     [
         ([0, 0, -120, 3, 0, 0], "pull is 120 N, must be at most 100 N"),
         ([0, 0, -20, 4.5, 0, 0], "tilt is 4.5 Nm, must be at most 4 Nm with 20 N of pull"),
+        ([0, 0, -95, 3, 0, 0], "tilt is 3 Nm, must be at most 0.25 Nm with 95 N of pull"),
+        ([20, 0, 0, 5.5, 0, 0], "tilt is 5.5 Nm, must be at most 5 Nm with 0 N of pressure"),
         ([0, 0, 20, 0, 6.5, 0], "tilt is 6.5 Nm, must be at most 6 Nm with 20 N of pressure"),
         ([60, 0, -20, 0, 0, 0], "shear with twist is 60 N, must be at most 40 N with 20 N of pull"),
     ],

@@ -58,6 +58,10 @@ def test_near_singular_poses_are_reached(gamma, away):
     assert (is_solution.sum(axis=1) == (4 if away > 1e-9 else 2)).all()
     error = np.abs(foot_matrices(found) - poses_of(q)).max(axis=(-2, -1))
     assert error[is_solution].max() < 1e-9
+    coarse = solve_batch(foot_matrices(q), q[:, 6], q[:, 7], 0.3, singular_rad=2e-5)
+    is_solution = ~np.isnan(coarse[..., 0])
+    assert (is_solution.sum(axis=1) == (4 if away > 2e-5 else 2)).all()
+    assert np.abs(foot_matrices(coarse) - poses_of(q))[is_solution].max() < 2e-5
 
 
 @pytest.mark.parametrize("away", NEAR_ZERO)

@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -59,6 +61,15 @@ def test_a_step_that_needs_longer_legs(fixed_foot):
     assert reason == "q2 would be 0.035 m, must be within -0.025..0.025 m"
 
 
+def test_a_planar_goal_with_errors_is_reached_within_them():
+    T = SE3.trans(x_m=0.3) @ SE3.rot("x", 1e-6) @ SE3.rot("z", 1e-6)
+    found = reach(T, Foot.A, LOWER, UPPER, singular_rad=1e-5)
+    assert len(found) > 100
+    assert np.abs(foot_matrices(found) - T.matrix).max() < 1e-5
+    assert len(reach(T, Foot.A, LOWER, UPPER)) < len(found)
+    assert explain_unreachable(T, Foot.A, LOWER, UPPER, singular_rad=1e-5) == ""
+
+
 def test_legs_without_pistons_are_reached_beside_the_grid():
     lower, upper = LOWER.copy(), UPPER.copy()
     lower[[1, 6]] = upper[[1, 6]] = 0.0
@@ -77,6 +88,35 @@ def test_a_joint_too_far_turned_is_named():
     reason = explain_unreachable(T, Foot.A, lower, upper)
     assert "rad, must be within -0.5..0.5 rad" in reason
     assert len(reach(T, Foot.A, lower, upper)) == 0
+
+
+def test_the_joints_named_are_as_little_beyond_as_can_be():
+    # the pitch of 2.2 rad is the sum of four joints, of which none may be beyond 0.5 rad: 0.2 rad are missing
+    lower, upper = LOWER.copy(), UPPER.copy()
+    lower[[0, 2, 5, 7]], upper[[0, 2, 5, 7]] = -0.5, 0.5
+    T = T_footA_footB([-0.7, 0.0, -0.5, 0.0, 0.0, -0.5, 0.0, -0.5])
+    reason = explain_unreachable(T, Foot.A, lower, upper)
+    missing = [abs(float(value)) - 0.5 for value in re.findall(r"would be (-?[\d.]+) rad", reason)]
+    assert sum(missing) == pytest.approx(0.2, abs=2e-3)
+    assert "q8" not in reason  # free, and so chosen within its limits
+
+
+def test_full_turns_are_taken_off_beside_the_grid_too():
+    q = np.array([0.3, 0.0, -0.2, 3.6, -4.0, 0.4, 0.0, 0.2567])
+    lower, upper = LOWER.copy(), UPPER.copy()
+    lower[[1, 6]] = upper[[1, 6]] = 0.0
+    lower[3:5], upper[3:5] = (3.3, -4.2), (4.0, -3.4)
+    (found,) = reach(T_footA_footB(q), Foot.A, lower, upper)
+    np.testing.assert_allclose(T_footA_footB(found).matrix, T_footA_footB(q).matrix, atol=2e-10)
+    assert explain_unreachable(T_footA_footB(q), Foot.A, lower, upper) == ""
+
+
+def test_a_joint_is_named_with_the_turn_that_brings_it_nearest():
+    # foot B stands aside so that q4 is 3.5 rad or pi - 3.5 + 2 pi = 5.92 rad; neither is inside
+    lower, upper = LOWER.copy(), UPPER.copy()
+    lower[3:5], upper[3:5] = (3.7, -4.2), (4.0, -3.4)
+    reason = explain_unreachable(SE3.trans(0.1, 0.15 * np.sin(3.5), 0.0), Foot.A, lower, upper)
+    assert reason == "q4 would be 3.5 rad, must be within 3.7..4 rad"
 
 
 def test_farther_aside_than_the_hip_is_long():
