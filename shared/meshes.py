@@ -66,6 +66,27 @@ def merged(meshes: Sequence[Mesh]) -> Mesh:
     return Mesh(np.concatenate([mesh.vertices_m for mesh in meshes]), np.concatenate(triangles))
 
 
+def area_m2(mesh: Mesh) -> float:
+    """The area of all triangles."""
+    a, b, c = np.moveaxis(mesh.vertices_m[mesh.triangles], 1, 0)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def volume_m3(mesh: Mesh) -> float:
+    """The volume that a closed mesh encloses; negative if it is wound inside out."""
+    centred = mesh.vertices_m - mesh.vertices_m.mean(axis=0)
+    a, b, c = np.moveaxis(centred[mesh.triangles], 1, 0)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether each edge of each triangle is met by exactly one neighbour, which runs along it the other way."""
+    starts, ends = mesh.triangles.astype(np.int64).ravel(), np.roll(mesh.triangles, -1, axis=1).astype(np.int64).ravel()
+    forth = np.sort(starts * len(mesh.vertices_m) + ends)
+    back = np.sort(ends * len(mesh.vertices_m) + starts)
+    return bool(np.array_equal(forth, back) and np.all(np.diff(forth) > 0))
+
+
 def _triangulated(quads: Sequence[tuple[int, int, int, int]] | NDArray[np.integer]) -> NDArray[np.uint32]:
     a, b, c, d = np.asarray(quads, dtype=np.uint32).T
     return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])

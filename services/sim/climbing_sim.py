@@ -31,7 +31,8 @@ from shared.robot.description import UrdfModel
 from shared.robot.kinematics import FOOT_LINKS, HYRECRO
 from shared.robot.urdf import parse_urdf
 from shared.runtime.config import SimConfig
-from shared.world.structure import Structure, structure_urdf
+from shared.world.structure import Structure
+from shared.world.urdf_format import structure_urdf
 
 M = TypeVar("M", bound=Measurement)
 
