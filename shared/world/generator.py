@@ -184,7 +184,7 @@ def _bar(
     width_m: float,
     reach_m: tuple[float, float],
 ) -> tuple[str, Box, SE3]:
-    """A square bar along its own `axis`, turned the least from the lattice's axes; it ends `reach_m` beyond its ends."""
+    """A square bar along its own `axis`, turned the least from the lattice's axes; it reaches beyond both nodes."""
     span = end - start
     length = float(np.linalg.norm(span))
     along = span / length
@@ -197,11 +197,12 @@ def _bar(
 def _diagonal(
     name: str, start: NDArray[np.float64], end: NDArray[np.float64], normal: NDArray[np.float64], width_m: float
 ) -> tuple[str, Box, SE3]:
-    """A flat bar along its own x axis, its y axis along `normal`, in the layer on that side of the nodes' plane."""
-    span = end - start
-    length = float(np.linalg.norm(span))
-    y = normal / np.linalg.norm(normal)
-    R = np.column_stack([span / length, y, np.cross(span / length, y)])
+    """A flat bar along its own x axis, its y axis nearest to `normal`, in the layer on that side of the nodes."""
+    length = float(np.linalg.norm(end - start))
+    x = (end - start) / length
+    y = normal - (normal @ x) * x
+    y /= np.linalg.norm(y)
+    R = np.column_stack([x, y, np.cross(x, y)])
     centre = (start + end) / 2 + _LAYER_OFFSET * width_m * y
     return name, Box((length, _LAYER_THICKNESS * width_m, width_m)), SE3(R, centre)
 
