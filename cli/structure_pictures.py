@@ -75,7 +75,7 @@ def _views() -> list[View]:
         View("", np.array([right, np.cross(to_viewer, right), to_viewer])),
         View("from above", np.array([x, y, z]), "xy"),
         View("along y", np.array([x, z, -y]), "xz"),
-        View("against x", np.array([y, z, x]), "yz"),
+        View("along -x", np.array([y, z, x]), "yz"),
     ]
 
 
@@ -105,8 +105,8 @@ class _Scene:
 
 
 def _centres(bounds: Float, count: int) -> Float:
-    low, high = bounds
-    return low + (high - low) * (np.arange(count) + 0.5) / count
+    edges = np.linspace(bounds[0], bounds[1], count + 1)
+    return (edges[:-1] + edges[1:]) / 2
 
 
 def _shaded(depth: Float, normals: Float) -> Float:
