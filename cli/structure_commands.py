@@ -90,10 +90,9 @@ def show(
     path = out or Path(f"{file.stem}.png")
     if path.suffix != ".png":
         raise typer.BadParameter(f"--out: pictures are .png files, not '{path.name}'")
-    try:
-        draw_structure(path, structure, summary_of(structure))
-    except OSError as error:
-        raise InputFileError(f"{path}: {error.strerror or error}") from error
+    if not path.parent.is_dir():
+        raise InputFileError(f"{path}: there is no folder {path.parent}")
+    draw_structure(path, structure, summary_of(structure))
     typer.echo(f"{summary_of(structure)}\n{path}")
 
 

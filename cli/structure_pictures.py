@@ -21,7 +21,7 @@ Float = NDArray[np.float64]
 
 _AXES = "xyz"
 _AXIS_COLOURS = ("#c0392b", "#1e8449", "#2471a3")
-_NUM_PIXELS = 1500
+_NUM_PIXELS, _NUM_PIXELS_OBLIQUE = 900, 1400
 """Along the longer side of a view; drawn smaller, which smooths its edges."""
 _LIGHT = np.array([0.35, 0.55, 0.75])
 """Where the light comes from: right, up, and from behind the viewer."""
@@ -92,10 +92,10 @@ class _Scene:
         centred = (mesh.vertices_m - self._centre).astype(np.float32)
         self._scene.add_triangles(self._tensor(centred), self._tensor(np.ascontiguousarray(mesh.triangles)))
 
-    def image(self, axes: Float, bounds: Float) -> Float:
+    def image(self, axes: Float, bounds: Float, num_pixels: int) -> Float:
         """The picture (H, W, 4) of what lies in `bounds` [[right low, high], [up low, high]], top row first."""
         spans = np.ptp(bounds, axis=1)
-        width, height = np.maximum(spans / spans.max() * _NUM_PIXELS, 2).astype(int)
+        width, height = np.maximum(spans / spans.max() * num_pixels, 2).astype(int)
         right, up = np.meshgrid(_centres(bounds[0], width), _centres(bounds[1], height)[::-1])
         right, up = right - axes[0] @ self._centre, up - axes[1] @ self._centre
         starts = right[..., np.newaxis] * axes[0] + up[..., np.newaxis] * axes[1] + 2 * self._radius * axes[2]
@@ -130,7 +130,7 @@ def _draw_view(panel: Axes, view: View, scene: _Scene, ground_z_m: float | None)
     seen = scene.vertices_m @ view.axes[:2].T
     margin = 0.04 * np.ptp(seen, axis=0).max() + 1e-9
     bounds = np.stack([seen.min(axis=0) - margin, seen.max(axis=0) + margin], axis=1)
-    image = scene.image(view.axes, bounds)
+    image = scene.image(view.axes, bounds, _NUM_PIXELS if view.labels else _NUM_PIXELS_OBLIQUE)
     if not view.labels:
         panel.imshow(image, extent=(*bounds[0], *bounds[1]), interpolation="antialiased")
         panel.axis("off")

@@ -21,7 +21,8 @@ MAX_COORDINATE_M = 1e6
 def read_mesh(path: Path, scale: Vector3 = (1.0, 1.0, 1.0)) -> Mesh:
     """The mesh of a file in metres: its coordinates times `scale`. The mesh may be open.
 
-    Vertices at the same place become one. A closed mesh that is wound inside out is turned.
+    Vertices at the same place become one, triangles that collapse by that go. A closed mesh that is wound inside out is
+    turned.
 
     Raises:
         InputFileError: the file cannot be read, is no mesh, is too large, or its shape is empty or not finite.
@@ -76,7 +77,10 @@ def _parsed(path: Path, suffix: str, scale: Vector3) -> Mesh:
 
     try:
         with path.open("rb") as file:  # a file, not a path: materials and textures beside it are not opened
-            read = trimesh.load_mesh(file, file_type=suffix[1:], process=True, skip_materials=True)
+            read = trimesh.load_mesh(file, file_type=suffix[1:], process=False, skip_materials=True)
+        if not np.isfinite(read.vertices).all():
+            raise ValueError("a coordinate is not finite")
+        read.merge_vertices(merge_tex=True, merge_norm=True)
         vertices, triangles = np.asarray(read.vertices, dtype=np.float64), np.asarray(read.faces)
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror or error}") from error
@@ -88,12 +92,11 @@ def _parsed(path: Path, suffix: str, scale: Vector3) -> Mesh:
         raise InputFileError(f"{path}: {len(vertices)} vertices, at most {MAX_VERTICES} are read")
     if triangles.min() < 0 or triangles.max() >= len(vertices):
         raise InputFileError(f"{path}: a triangle refers to a vertex that is not there")
-    return Mesh(vertices * np.array(scale), triangles.astype(np.uint32), path.resolve(), scale)
+    is_flat = (triangles == np.roll(triangles, 1, axis=1)).any(axis=1)
+    return Mesh(vertices * np.array(scale), triangles[~is_flat].astype(np.uint32), path.resolve(), scale)
 
 
 def _checked(mesh: Mesh, path: Path) -> Mesh:
-    if not np.isfinite(mesh.vertices_m).all():
-        raise InputFileError(f"{path}: a coordinate is not finite")
     if (reach_m := float(np.abs(mesh.vertices_m).max())) > MAX_COORDINATE_M:
         raise InputFileError(f"{path}: a coordinate is {reach_m:g} m, at most {MAX_COORDINATE_M:g} m is read")
     if area_m2(mesh) <= 0:

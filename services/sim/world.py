@@ -12,11 +12,14 @@ from services.sim.poses import composed_poses, inverse_poses
 from services.sim.quiet_pybullet import pybullet
 from shared.errors import InputFileError
 from shared.geometry import SE3
-from shared.solids import Box
+from shared.solids import Box, Cylinder, Mesh
 from shared.world.structure import Member, Structure
 
 _ROOT_INDEX = -1
 """By which pybullet calls a body's root link; its other links are numbered from 0."""
+
+_MAX_MESH_VERTICES, _MAX_MESH_TRIANGLES = 131_072, 524_288 // 3
+"""Found by trying, pybullet 3.2.7: it refuses more with an error that says nothing."""
 
 
 class World:
@@ -94,12 +97,34 @@ class World:
                 raise InputFileError(f"robot URDF: pybullet cannot load it: {error}") from error
 
     def _add_bar(self, bar: Member) -> int:
-        assert isinstance(bar.solid, Box)
-        half_size = [length / 2 for length in bar.solid.size_m]
-        box: Any = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half_size, **self._client)
         pose = bar.T_world_member.xyz_quat_xyzw.tolist()
+        if isinstance(bar.solid, Mesh):
+            num_vertices, num_triangles = len(bar.solid.vertices_m), len(bar.solid.triangles)
+            if num_vertices > _MAX_MESH_VERTICES or num_triangles > _MAX_MESH_TRIANGLES:
+                self.close()
+                raise InputFileError(
+                    f"structure: member '{bar.name}': {num_vertices} vertices and {num_triangles} triangles; pybullet "
+                    f"takes at most {_MAX_MESH_VERTICES} and {_MAX_MESH_TRIANGLES} a mesh: split it or make it coarser"
+                )
+        shape = pybullet.createCollisionShape(**_collision_shape(bar.solid), **self._client)
         return int(
             pybullet.createMultiBody(
-                baseCollisionShapeIndex=box, basePosition=pose[:3], baseOrientation=pose[3:], **self._client
+                baseCollisionShapeIndex=shape, basePosition=pose[:3], baseOrientation=pose[3:], **self._client
             )
         )
+
+
+def _collision_shape(solid: Box | Cylinder | Mesh) -> dict[str, Any]:
+    """A solid in pybullet's words; a mesh keeps its hollows, which it may as it does not move."""
+    match solid:
+        case Box(size_m):
+            return {"shapeType": pybullet.GEOM_BOX, "halfExtents": [length / 2 for length in size_m]}
+        case Cylinder(radius_m, length_m):
+            return {"shapeType": pybullet.GEOM_CYLINDER, "radius": radius_m, "height": length_m}
+        case Mesh(vertices_m, triangles):
+            return {
+                "shapeType": pybullet.GEOM_MESH,
+                "vertices": vertices_m.tolist(),
+                "indices": triangles.ravel().tolist(),
+                "flags": pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
+            }
