@@ -4,15 +4,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.sim.world import World
-from shared.errors import InputFileError
 from shared.geometry import SE3
-from shared.meshes import mesh_of
 from shared.messaging.messages import JOINT_NAMES, Foot
 from shared.robot.kinematics import FOOT_LINKS, HYRECRO, T_fixed_free, T_footA_footB, T_footA_hip, link_transforms
 from shared.robot.urdf import parse_urdf, read_urdf
 from shared.runtime.config import CONFIGS_DIR
-from shared.solids import Box, Cylinder, Mesh
-from shared.world.structure import Member, Structure
+from shared.world.structure import Structure
 
 URDF = read_urdf(CONFIGS_DIR / "robot" / "hyrecro.urdf")
 MODEL = parse_urdf(URDF, "hyrecro.urdf")
@@ -103,20 +100,3 @@ def test_rays_that_start_at_the_minimum_range_start_outside_the_sensor():
 def test_wrong_numbers_of_joints_are_refused():
     with pytest.raises(ValueError, match=r"q must be \(8,\), got \(7,\)"):
         link_transforms(np.zeros(7))
-
-
-@pytest.mark.parametrize("solid", [Box((0.4, 0.4, 0.2)), Cylinder(0.2, 0.2), mesh_of(Box((0.4, 0.4, 0.2)))])
-@pytest.mark.parametrize(("gap_m", "is_near"), [(0.0, True), (0.008, True), (0.012, False)])
-def test_steel_of_any_shape_is_near_where_it_is(solid, gap_m, is_near):
-    below_sole = SE3.trans(z_m=-0.005 - gap_m - 0.1)
-    world = World(URDF, JOINT_NAMES, Structure("s", (Member("b", solid, below_sole),), None))
-    world.place(np.zeros(8), np.zeros(8), "foot_a", SE3.identity())
-    assert world.is_near_steel("foot_a", 0.01) == is_near
-    world.close()
-
-
-def test_a_mesh_that_is_too_fine_for_pybullet_is_named():
-    mesh = mesh_of(Box((1.0, 1.0, 1.0)))
-    fine = Mesh(mesh.vertices_m, np.resize(mesh.triangles, (174763, 3)))
-    with pytest.raises(InputFileError, match="member 'b': 8 vertices and 174763 triangles; pybullet takes at most"):
-        World(URDF, JOINT_NAMES, Structure("s", (Member("b", fine, SE3.identity()),), None))
