@@ -100,6 +100,25 @@ class SE3:
         return cls(R, np.asarray(xyz_m, dtype=np.float64))
 
     @classmethod
+    def from_z_axis(cls, z_axis: ArrayLike, xyz_m: ArrayLike = (0.0, 0.0, 0.0)) -> SE3:
+        """At `xyz_m` with z along `z_axis` (3,), of any length but 0; x lies as near to the parent's x as it can.
+
+        Where z is within 26 degrees of the parent's x, the frame's x is near to the parent's y instead.
+
+        Raises:
+            ValueError: `z_axis` is of length 0.
+        """
+        z = np.asarray(z_axis, dtype=np.float64)
+        length = float(np.linalg.norm(z))
+        if length < 1e-12:
+            raise ValueError("the z axis must not be of length 0")
+        z = z / length
+        near = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+        x = near - (near @ z) * z
+        x /= np.linalg.norm(x)
+        return cls(np.column_stack([x, np.cross(z, x), z]), np.asarray(xyz_m, dtype=np.float64))
+
+    @classmethod
     def exp(cls, twist: ArrayLike) -> SE3:
         """Exponential of the twist (6,): translation part v first, rotation part w second (radians)."""
         xi = np.asarray(twist, dtype=np.float64)

@@ -5,6 +5,7 @@ Headers carry the message's own stamp and frame. Commands have no stamp: theirs 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -14,9 +15,12 @@ from numpy.typing import NDArray
 
 from services.recorder import ros_schemas as ros
 from shared.errors import MessageError
+from shared.geometry import SE3
 from shared.messaging import messages as m
+from shared.messaging.codec import to_jsonable
 
 UNKNOWN = float("nan")
+NO_POSE = np.full(7, UNKNOWN)
 
 # sensor_msgs/msg/PointField: datatype constants
 _FLOAT32, _UINT32, _UINT16 = 7, 6, 4
@@ -92,6 +96,32 @@ def _joint_target(target: m.JointTarget, stamp_ns: int) -> object:
     return _joint_state(ros.header(stamp_ns, ""), names, target.q)
 
 
+def _actuator_target(target: m.ActuatorTarget, stamp_ns: int) -> object:
+    names = m.ACTUATOR_NAMES[: len(target.positions)] if target.names is None else target.names
+    return _joint_state(ros.header(stamp_ns, ""), names, target.positions)
+
+
+def _actuators(state: m.ActuatorState, stamp_ns: int) -> object:
+    header = ros.header(stamp_ns, state.frame)
+    return _joint_state(header, m.ACTUATOR_NAMES, state.positions, state.velocities)
+
+
+def _foot_target(target: m.FootTarget, stamp_ns: int) -> object:
+    """Which foot is meant has no place in a PoseStamped. A point and a normal become a pose with z along the normal."""
+    if target.T_world_foot is not None:
+        pose = target.T_world_foot
+    else:
+        assert target.point_m is not None
+        assert target.normal is not None
+        pose = SE3.from_z_axis(target.normal, target.point_m).xyz_quat_xyzw
+    return ros.new("geometry_msgs/msg/PoseStamped", header=ros.header(stamp_ns, "world"), pose=ros.pose(pose))
+
+
+def _sim_control(control: m.SimControl, _stamp_ns: int) -> object:
+    """The JSON that could have been typed."""
+    return ros.string(json.dumps({key: value for key, value in to_jsonable(control).items() if value is not None}))
+
+
 def _joints(state: m.JointState, stamp_ns: int) -> object:
     return _joint_state(ros.header(stamp_ns, state.frame), m.JOINT_NAMES, state.q, state.dq, state.effort)
 
@@ -108,8 +138,23 @@ def _leg_state(state: m.LegState, stamp_ns: int) -> object:
         foot_pose=ros.pose(state.T_world_foot),
         is_contact_known=state.has_contact is not None,
         has_contact=bool(state.has_contact),
+        holding=[foot.value for foot in state.holding or ()],
+        wrench=ros.wrench(np.full(6, UNKNOWN) if state.wrench is None else state.wrench),
         load_n=_or_unknown(state.load_n),
         margin=_or_unknown(state.margin),
+    )
+
+
+def _foot_status(status: m.FootStatus, stamp_ns: int) -> object:
+    return ros.own(
+        status,
+        stamp_ns,
+        foot=status.foot.value,
+        phase=status.phase.value,
+        is_goal_known=status.T_world_goal is not None,
+        goal=ros.pose(NO_POSE if status.T_world_goal is None else status.T_world_goal),
+        duration_s=_or_unknown(status.duration_s),
+        margin=_or_unknown(status.margin),
     )
 
 
@@ -243,8 +288,13 @@ def _health(health: m.Health, stamp_ns: int) -> object:
 ROS_FORMS: Mapping[type[m.Message], RosForm] = {
     m.JointTarget: RosForm("sensor_msgs/msg/JointState", _joint_target),
     m.LegTarget: RosForm("std_msgs/msg/String", _leg_target),
+    m.ActuatorTarget: RosForm("sensor_msgs/msg/JointState", _actuator_target),
+    m.FootTarget: RosForm("geometry_msgs/msg/PoseStamped", _foot_target),
+    m.SimControl: RosForm("std_msgs/msg/String", _sim_control),
     m.JointState: RosForm("sensor_msgs/msg/JointState", _joints),
+    m.ActuatorState: RosForm("sensor_msgs/msg/JointState", _actuators),
     m.LegState: RosForm("hyrecro_msgs/msg/LegState", _leg_state),
+    m.FootStatus: RosForm("hyrecro_msgs/msg/FootStatus", _foot_status),
     m.Transforms: RosForm("tf2_msgs/msg/TFMessage", _transforms),
     m.Clock: RosForm("rosgraph_msgs/msg/Clock", _clock),
     m.RobotDescription: RosForm("std_msgs/msg/String", _description),

@@ -27,7 +27,21 @@ string fixed_foot
 geometry_msgs/Pose foot_pose
 bool is_contact_known
 bool has_contact
+string[] holding
+geometry_msgs/Wrench wrench
 float64 load_n
+float64 margin
+""",
+    "hyrecro_msgs/msg/FootStatus": """\
+std_msgs/Header header
+int64 seq
+string foot
+string phase
+float64 progress
+string text
+bool is_goal_known
+geometry_msgs/Pose goal
+float64 duration_s
 float64 margin
 """,
     "hyrecro_msgs/msg/MapStatus": """\
@@ -111,6 +125,12 @@ def pose(xyz_quat_xyzw: NDArray[np.float64]) -> Any:
     x, y, z, *xyzw = xyz_quat_xyzw.tolist()
     point = new("geometry_msgs/msg/Point", x=x, y=y, z=z)
     return new("geometry_msgs/msg/Pose", position=point, orientation=quaternion(xyzw))
+
+
+def wrench(force_moment: NDArray[np.float64]) -> Any:
+    """geometry_msgs/Wrench of (6,): force in N, moment in Nm."""
+    values = force_moment.tolist()
+    return new("geometry_msgs/msg/Wrench", force=vector(values[:3]), torque=vector(values[3:]))
 
 
 def string(text: str) -> Any:

@@ -59,9 +59,34 @@ JOINTS_TARGET = Channel(
 LEG_TARGET = Channel(
     key="leg/target", message=m.LegTarget, delivery=EVERY, ros_type="std_msgs/msg/String", is_command=True
 )
+ACTUATORS_TARGET = Channel(
+    key="actuators/target",
+    message=m.ActuatorTarget,
+    delivery=EVERY,
+    ros_type="sensor_msgs/msg/JointState",
+    is_command=True,
+)
+FOOT_TARGET = Channel(
+    key="foot/target",
+    message=m.FootTarget,
+    delivery=EVERY,
+    ros_type="geometry_msgs/msg/PoseStamped",
+    is_command=True,
+)
+SIM_CONTROL = Channel(
+    key="sim/control", message=m.SimControl, delivery=EVERY, ros_type="std_msgs/msg/String", is_command=True
+)
 JOINTS_STATE = Channel(
     key="joints/state",
     message=m.JointState,
+    delivery=LATEST,
+    ros_type="sensor_msgs/msg/JointState",
+    rate_hz=100.0,
+    is_kept=True,
+)
+ACTUATORS_STATE = Channel(
+    key="actuators/state",
+    message=m.ActuatorState,
     delivery=LATEST,
     ros_type="sensor_msgs/msg/JointState",
     rate_hz=100.0,
@@ -75,13 +100,23 @@ LEG_STATE = Channel(
     rate_hz=10.0,
     is_kept=True,
 )
+FOOT_STATUS = Channel(
+    key="foot/status", message=m.FootStatus, delivery=EVERY, ros_type="hyrecro_msgs/msg/FootStatus", is_kept=True
+)
 TF = Channel(
     key="tf", message=m.Transforms, delivery=LATEST, ros_type="tf2_msgs/msg/TFMessage", rate_hz=100.0, is_kept=True
 )
 TF_STATIC = Channel(
     key="tf_static", message=m.Transforms, delivery=EVERY, ros_type="tf2_msgs/msg/TFMessage", is_kept=True
 )
-CLOCK = Channel(key="clock", message=m.Clock, delivery=LATEST, ros_type="rosgraph_msgs/msg/Clock", rate_hz=100.0)
+CLOCK = Channel(
+    key="clock",
+    message=m.Clock,
+    delivery=LATEST,
+    ros_type="rosgraph_msgs/msg/Clock",
+    rate_hz=100.0,
+    is_kept=True,
+)
 ROBOT_DESCRIPTION = Channel(
     key="robot_description", message=m.RobotDescription, delivery=EVERY, ros_type="std_msgs/msg/String", is_kept=True
 )
@@ -149,8 +184,13 @@ HEALTH = Channel(
 CHANNELS: tuple[Channel, ...] = (
     JOINTS_TARGET,
     LEG_TARGET,
+    ACTUATORS_TARGET,
+    FOOT_TARGET,
+    SIM_CONTROL,
     JOINTS_STATE,
+    ACTUATORS_STATE,
     LEG_STATE,
+    FOOT_STATUS,
     TF,
     TF_STATIC,
     CLOCK,

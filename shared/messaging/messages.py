@@ -23,6 +23,12 @@ Joints = Annotated[NDArray[np.float64], Array("float64", (8,), is_inline=True)]
 
 Pose = Annotated[NDArray[np.float64], Array("float64", (7,), is_inline=True, is_pose=True)]
 Poses = Annotated[NDArray[np.float64], Array("float64", ("N", 7), is_pose=True)]
+Actuators = Annotated[NDArray[np.float64], Array("float64", (10,), is_inline=True)]
+"""Values of the ten actuators in the order of `ACTUATOR_NAMES`: metres, and radians for the two hip drives."""
+
+Vector = Annotated[NDArray[np.float64], Array("float64", (3,), is_inline=True)]
+Wrench = Annotated[NDArray[np.float64], Array("float64", (6,), is_inline=True)]
+"""Force in N, then moment in Nm."""
 NamedValues = Annotated[NDArray[np.float64], Array("float64", ("J",), is_inline=True)]
 Points = Annotated[NDArray[np.float32], Array("float32", ("N", 3))]
 PerPointFloat = Annotated[NDArray[np.float32], Array("float32", ("N",))]
@@ -33,6 +39,8 @@ Covariance = Annotated[NDArray[np.float64], Array("float64", (6, 6), is_inline=T
 MAX_STAMP_NS = 2**31 * 10**9 - 1
 """ROS 2 counts the seconds of a time in an int32 (builtin_interfaces/Time)."""
 JOINT_NAMES = ("q1", "q2", "q3", "q4", "q5", "q6", "q7", "q8")
+ACTUATOR_NAMES = ("a1_l", "a1_r", "a2_l", "a2_r", "th_a", "th_b", "b2_l", "b2_r", "b1_l", "b1_r")
+"""From foot A to foot B: the left and right piston of each leg's module 1 (at the foot) and 2 (at the hip), the hip."""
 
 
 class Foot(enum.Enum):
@@ -53,6 +61,28 @@ class Severity(enum.Enum):
     INFO = "info"
     WARNING = "warning"
     ERROR = "error"
+
+
+class FootPhase(enum.Enum):
+    """Where a step of the free foot stands; the last four end it."""
+
+    PLANNING = "planning"
+    LIFT = "lift"
+    TRANSFER = "transfer"
+    LANDING = "landing"
+    DONE = "done"
+    REFUSED = "refused"
+    FAILED = "failed"
+    STOPPED = "stopped"
+
+
+class SimAction(enum.Enum):
+    """What can be asked of simulated time."""
+
+    PAUSE = "pause"
+    RESUME = "resume"
+    STEP = "step"
+    RESET = "reset"
 
 
 class Message:
@@ -128,6 +158,66 @@ class LegTarget(Message):
     foot: Foot
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ActuatorTarget(Message):
+    """Where the actuators shall go: all ten values, or those of `names`. Metres; radians for th_a and th_b."""
+
+    SHORTHAND: ClassVar[str | None] = "positions"
+    positions: NamedValues
+    names: tuple[str, ...] | None = None
+    duration_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FootTarget(Message):
+    """Where a foot shall be put: a pose of its plate's centre, or a point on the steel and the normal out of it there.
+
+    foot: None = the free one. With a point the foot's turn about the normal is left to the planner.
+
+    Raises:
+        MessageError: neither or both of a pose and a point, a point without its normal, a normal of length 0.
+    """
+
+    foot: Foot | None = None
+    T_world_foot: Pose | None = None
+    point_m: Vector | None = None
+    normal: Vector | None = None
+
+    def __post_init__(self) -> None:
+        Message.__post_init__(self)
+        if (self.T_world_foot is None) == (self.point_m is None):
+            raise MessageError("a foot target is either T_world_foot, or point_m and normal")
+        if (self.point_m is None) != (self.normal is None):
+            raise MessageError("point_m and normal belong together")
+        if self.normal is not None and np.linalg.norm(self.normal) < 1e-6:
+            raise MessageError("normal must not be of length 0")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SimControl(Message):
+    """What simulated time shall do. At least one field is given; all that are given are carried out.
+
+    num_steps: for `step`, how many periods a paused simulation advances; None = one. seed: new seed of the simulation's
+    random numbers. real_time_factor: seconds of simulated time a second.
+
+    Raises:
+        MessageError: nothing is asked for, or num_steps without `step`.
+    """
+
+    SHORTHAND: ClassVar[str | None] = "action"
+    action: SimAction | None = None
+    num_steps: int | None = None
+    seed: int | None = None
+    real_time_factor: float | None = None
+
+    def __post_init__(self) -> None:
+        Message.__post_init__(self)
+        if self.action is None and self.seed is None and self.real_time_factor is None:
+            raise MessageError("one of action, seed, real_time_factor must be given")
+        if self.num_steps is not None and self.action is not SimAction.STEP:
+            raise MessageError("num_steps belongs to the action step")
+
+
 # ---- the robot
 
 
@@ -147,14 +237,44 @@ class JointState(Measurement):
 class LegState(Measurement):
     """Which foot is fixed and where it stands in `frame`.
 
-    T_world_foot: pose of the fixed foot's plate centre. has_contact: whether its sole touches steel. load_n, margin:
-    pull on the magnet in newtons and what is left of its limits (1 = unloaded, 0 = slips). None = not simulated.
+    T_world_foot: pose of the fixed foot's plate centre. has_contact: whether its sole is flush with steel. holding: the
+    feet that hold on: both during a change, none in a fall. wrench: what the structure exerts on the fixed foot, about
+    its sole's centre, along its plate's axes. load_n: pull on its magnet. margin: what is left of the magnet's limits
+    (1 = unloaded, 0 = lets go). None = not simulated.
     """
 
     fixed_foot: Foot
     T_world_foot: Pose
     has_contact: bool | None = None
+    holding: tuple[Foot, ...] | None = None
+    wrench: Wrench | None = None
     load_n: float | None = None
+    margin: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ActuatorState(Measurement):
+    """Positions and velocities of the ten actuators, from the encoders of the joints; `frame` is the root link."""
+
+    positions: Actuators
+    velocities: Actuators
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FootStatus(Measurement):
+    """How a step of a foot goes. Its coordinates are in `frame`.
+
+    T_world_goal: pose of the foot's plate centre that the step ends in, None before it is known. progress: share of
+    the motion, 0..1. duration_s: of the whole motion. margin: the least holding margin on the way. text: why it was
+    refused, failed or stopped.
+    """
+
+    foot: Foot
+    phase: FootPhase
+    progress: float
+    text: str = ""
+    T_world_goal: Pose | None = None
+    duration_s: float | None = None
     margin: float | None = None
 
 
@@ -174,7 +294,9 @@ class Transforms(Measurement):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Clock(Measurement):
-    """Simulated time: `stamp_ns` itself."""
+    """Simulated time: `stamp_ns` itself. real_time_factor: the wanted seconds of it a second, 0 while it is paused."""
+
+    real_time_factor: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -7,12 +7,11 @@ the URDF's links sit on the joints' axes instead, so the plates of its `hip` and
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shared.geometry import SE3
+from shared.geometry import SE3, Float
 from shared.messaging.messages import JOINT_NAMES, Foot
 
 
@@ -47,6 +46,92 @@ HYRECRO = RobotGeometry()
 
 FOOT_LINKS = {Foot.A: "foot_a", Foot.B: "foot_b"}
 
+LINKS = (
+    "foot_a",
+    "leg_a_lower",
+    "leg_a_upper",
+    "platform_a",
+    "hip",
+    "platform_b",
+    "leg_b_upper",
+    "leg_b_lower",
+    "foot_b",
+)
+"""The moving links from foot A to foot B; joint i of JOINT_NAMES moves LINKS[i + 1] against LINKS[i]."""
+
+JOINT_AXES = np.array(
+    [[0, -1, 0], [0, 0, 1], [0, -1, 0], [0, 0, 1], [0, 0, 1], [0, -1, 0], [0, 0, -1], [0, -1, 0]], dtype=np.float64
+)
+"""(8, 3) unit axis of each joint in its child link's frame."""
+IS_PRISMATIC = np.array([False, True, False, False, False, False, True, False])
+"""(8,) q2 and q7 slide, the others turn."""
+for _constant in (JOINT_AXES, IS_PRISMATIC):
+    _constant.setflags(write=False)
+
+_TURN = np.cross(np.eye(3), np.where(IS_PRISMATIC[:, None], 0.0, JOINT_AXES)[:, None, :])
+_TURN_TWICE = _TURN @ _TURN
+_SLIDE = np.where(IS_PRISMATIC[:, None], JOINT_AXES, 0.0)
+
+
+def parent_child_matrices(q: ArrayLike, geometry: RobotGeometry = HYRECRO) -> Float:
+    """T_parent_child (..., 8, 4, 4) of LINKS[1:] for q (..., 8) in radians, metres for q2 and q7.
+
+    Raises:
+        ValueError: q is not (..., 8).
+    """
+    q = joint_values(q)
+    angles = q[..., None, None]
+    T = np.zeros((*q.shape, 4, 4))
+    T[..., :3, :3] = np.eye(3) + np.sin(angles) * _TURN + (1 - np.cos(angles)) * _TURN_TWICE  # Rodrigues
+    T[..., :3, 3] = _link_origins(geometry) + q[..., None] * _SLIDE
+    T[..., 3, 3] = 1.0
+    return T
+
+
+def _link_origins(geometry: RobotGeometry) -> Float:
+    """Of LINKS[1:] in their parents (8, 3) where the joints are zero."""
+    plate, leg, hip = geometry.plate_to_axis_m, geometry.leg_m, geometry.hip_height_m
+    origins = np.zeros((8, 3))
+    origins[:, 2] = plate, leg, 0.0, plate + hip, -hip, -plate, -leg, 0.0
+    origins[4, 0] = geometry.hip_axes_m
+    return origins
+
+
+def link_matrices(q: ArrayLike, geometry: RobotGeometry = HYRECRO) -> Float:
+    """T_footA_link (..., 9, 4, 4) of LINKS for q (..., 8) in radians, metres for q2 and q7.
+
+    Raises:
+        ValueError: q is not (..., 8).
+    """
+    T_parent_child = parent_child_matrices(q, geometry)
+    T = np.empty((*T_parent_child.shape[:-3], 9, 4, 4))
+    T[..., 0, :, :] = np.eye(4)
+    for i in range(8):
+        np.matmul(T[..., i, :, :], T_parent_child[..., i, :, :], out=T[..., i + 1, :, :])
+    return T
+
+
+def foot_matrices(q: ArrayLike, geometry: RobotGeometry = HYRECRO) -> Float:
+    """T_footA_footB (..., 4, 4), between the plates' centres, for q (..., 8).
+
+    Raises:
+        ValueError: q is not (..., 8).
+    """
+    T: Float = link_matrices(q, geometry)[..., -1, :, :] @ geometry.T_link_foot(Foot.B).matrix
+    return T
+
+
+def joint_values(q: ArrayLike) -> Float:
+    """`q` as float64 (..., 8).
+
+    Raises:
+        ValueError: it has another shape.
+    """
+    values = np.asarray(q, dtype=np.float64)
+    if values.shape[-1:] != (len(JOINT_NAMES),):
+        raise ValueError(f"q must be (..., {len(JOINT_NAMES)}), got {values.shape}")
+    return values
+
 
 def link_transforms(q: ArrayLike, geometry: RobotGeometry = HYRECRO) -> dict[str, SE3]:
     """T_parent_child of each moving link by the child's name, in order from foot A's link to foot B's.
@@ -56,36 +141,28 @@ def link_transforms(q: ArrayLike, geometry: RobotGeometry = HYRECRO) -> dict[str
     Raises:
         ValueError: q is not (8,).
     """
-    values = np.asarray(q, dtype=np.float64)
-    if values.shape != (len(JOINT_NAMES),):
-        raise ValueError(f"q must be ({len(JOINT_NAMES)},), got {values.shape}")
-    q1, q2, q3, q4, q5, q6, q7, q8 = values.tolist()
-    plate, leg, hip = geometry.plate_to_axis_m, geometry.leg_m, geometry.hip_height_m
-    return {
-        "leg_a_lower": SE3.trans(z_m=plate) @ SE3.rot("y", -q1),
-        "leg_a_upper": SE3.trans(z_m=leg + q2),
-        "platform_a": SE3.rot("y", -q3),
-        "hip": SE3.trans(z_m=plate + hip) @ SE3.rot("z", q4),
-        "platform_b": SE3.trans(x_m=geometry.hip_axes_m, z_m=-hip) @ SE3.rot("z", q5),
-        "leg_b_upper": SE3.trans(z_m=-plate) @ SE3.rot("y", -q6),
-        "leg_b_lower": SE3.trans(z_m=-leg - q7),
-        "foot_b": SE3.rot("y", -q8),
-    }
+    matrices = parent_child_matrices(_one_posture(q), geometry)
+    return {link: SE3.from_matrix(T) for link, T in zip(LINKS[1:], matrices, strict=True)}
 
 
 def T_footA_hip(q: ArrayLike, geometry: RobotGeometry = HYRECRO) -> SE3:
     """The centre of the hip plate, x along its long side from leg A to leg B, seen from foot A."""
-    links = link_transforms(q, geometry)
-    to_hip = ("leg_a_lower", "leg_a_upper", "platform_a", "hip")
-    return reduce(SE3.compose, (links[name] for name in to_hip)) @ geometry.T_hip_plate
+    return SE3.from_matrix(link_matrices(_one_posture(q), geometry)[LINKS.index("hip")]) @ geometry.T_hip_plate
 
 
 def T_footA_footB(q: ArrayLike, geometry: RobotGeometry = HYRECRO) -> SE3:
     """The centre of foot B's plate seen from foot A's."""
-    return reduce(SE3.compose, link_transforms(q, geometry).values()) @ geometry.T_link_foot(Foot.B)
+    return SE3.from_matrix(foot_matrices(_one_posture(q), geometry))
 
 
 def T_fixed_free(q: ArrayLike, fixed_foot: Foot, geometry: RobotGeometry = HYRECRO) -> SE3:
     """The free foot's plate seen from the fixed foot's."""
     T = T_footA_footB(q, geometry)
     return T if fixed_foot is Foot.A else T.inv()
+
+
+def _one_posture(q: ArrayLike) -> Float:
+    values = np.asarray(q, dtype=np.float64)
+    if values.shape != (len(JOINT_NAMES),):
+        raise ValueError(f"q must be ({len(JOINT_NAMES)},), got {values.shape}")
+    return values

@@ -10,8 +10,26 @@ _AT = {"stamp_ns": 1_500_000_000, "seq": 7}
 EXAMPLES: tuple[m.Message, ...] = (
     m.JointTarget(q=np.linspace(-0.4, 0.4, 8), duration_s=2.5),
     m.LegTarget(foot=m.Foot.B),
+    m.ActuatorTarget(positions=np.array([0.22, 0.1]), names=("a1_l", "th_a"), duration_s=1.5),
+    m.FootTarget(foot=m.Foot.B, T_world_foot=_POSE),
+    m.FootTarget(point_m=np.array([0.0, 1.5, 10.1]), normal=np.array([0.0, 0.0, 2.0])),
+    m.SimControl(action=m.SimAction.STEP, num_steps=10),
+    m.SimControl(seed=5, real_time_factor=0.5),
     m.JointState(**_AT, frame="foot_a", q=np.arange(8.0), dq=np.zeros(8)),
+    m.ActuatorState(**_AT, frame="foot_a", positions=np.linspace(0.2, 0.24, 10), velocities=np.zeros(10)),
     m.LegState(**_AT, frame="world", fixed_foot=m.Foot.A, T_world_foot=_POSE),
+    m.LegState(
+        **_AT,
+        frame="world",
+        fixed_foot=m.Foot.A,
+        T_world_foot=_POSE,
+        has_contact=True,
+        holding=(m.Foot.A, m.Foot.B),
+        wrench=np.arange(6.0),
+        load_n=20.0,
+        margin=0.4,
+    ),
+    m.FootStatus(**_AT, frame="world", foot=m.Foot.B, phase=m.FootPhase.LIFT, progress=0.25, T_world_goal=_POSE),
     m.Transforms(
         **_AT, frame="world", parents=("world", "a"), children=("a", "b"), T_parent_child=np.stack([_POSE] * 2)
     ),

@@ -128,3 +128,17 @@ def test_values_cannot_be_changed():
 def test_roll_pitch_yaw_are_read_back_also_at_the_poles(roll, pitch, yaw):
     T = SE3.from_rpy([roll, pitch, yaw])
     np.testing.assert_allclose(SE3.from_rpy(T.rpy_rad).rotation, T.rotation, rtol=0, atol=1e-14)
+
+
+@given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 1e-3))
+def test_a_frame_from_its_z_axis(z_axis):
+    T = SE3.from_z_axis(z_axis, (1, 2, 3))
+    np.testing.assert_allclose(T.rotation[:, 2], np.array(z_axis) / np.linalg.norm(z_axis), atol=1e-12)
+    np.testing.assert_array_equal(T.translation, [1, 2, 3])
+
+
+def test_a_frame_from_its_z_axis_keeps_x_if_it_can():
+    np.testing.assert_array_equal(SE3.from_z_axis((0, 0, 2)).rotation, np.eye(3))
+    np.testing.assert_array_equal(SE3.from_z_axis((-1, 0, 0)).rotation[:, 0], [0, 1, 0])
+    with pytest.raises(ValueError, match="length 0"):
+        SE3.from_z_axis((0, 0, 0))

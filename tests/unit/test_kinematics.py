@@ -6,7 +6,17 @@ from hypothesis import strategies as st
 from services.sim.world import World
 from shared.geometry import SE3
 from shared.messaging.messages import JOINT_NAMES, Foot
-from shared.robot.kinematics import FOOT_LINKS, HYRECRO, T_fixed_free, T_footA_footB, T_footA_hip, link_transforms
+from shared.robot.kinematics import (
+    FOOT_LINKS,
+    HYRECRO,
+    LINKS,
+    T_fixed_free,
+    T_footA_footB,
+    T_footA_hip,
+    foot_matrices,
+    link_matrices,
+    link_transforms,
+)
 from shared.robot.urdf import parse_urdf, read_urdf
 from shared.runtime.config import CONFIGS_DIR
 from shared.world.structure import Structure
@@ -79,6 +89,19 @@ def test_the_physics_engine_has_the_same_frames():
     world.close()
 
 
+def test_many_postures_at_once():
+    q = np.random.default_rng(1).uniform(-1.5, 1.5, (2, 3, 8))
+    T_footA_link = link_matrices(q)
+    assert T_footA_link.shape == (2, 3, 9, 4, 4)
+    np.testing.assert_array_equal(T_footA_link[..., 0, :, :], np.broadcast_to(np.eye(4), (2, 3, 4, 4)))
+    for index in np.ndindex(2, 3):
+        T = SE3.identity()
+        for link, T_parent_child in link_transforms(q[index]).items():
+            T = T @ T_parent_child
+            np.testing.assert_allclose(T_footA_link[(*index, LINKS.index(link))], T.matrix, atol=1e-14)
+        np.testing.assert_allclose(foot_matrices(q)[index], T_footA_footB(q[index]).matrix, atol=1e-14)
+
+
 def test_plates_stand_where_the_urdf_shows_them():
     shown = {shape.link: shape.T_link_shape for shape in reversed(MODEL.shapes)}
     np.testing.assert_array_equal(shown["hip"].matrix, HYRECRO.T_hip_plate.matrix)
@@ -100,3 +123,7 @@ def test_rays_that_start_at_the_minimum_range_start_outside_the_sensor():
 def test_wrong_numbers_of_joints_are_refused():
     with pytest.raises(ValueError, match=r"q must be \(8,\), got \(7,\)"):
         link_transforms(np.zeros(7))
+    with pytest.raises(ValueError, match=r"q must be \(8,\), got \(2, 8\)"):
+        T_footA_footB(np.zeros((2, 8)))
+    with pytest.raises(ValueError, match=r"q must be \(\.\.\., 8\), got \(2, 7\)"):
+        link_matrices(np.zeros((2, 7)))

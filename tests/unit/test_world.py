@@ -4,8 +4,8 @@ import pytest
 from services.sim.world import World
 from shared.errors import InputFileError
 from shared.geometry import SE3
-from shared.messaging.messages import JOINT_NAMES
 from shared.meshes import mesh_of
+from shared.messaging.messages import JOINT_NAMES
 from shared.robot.urdf import read_urdf
 from shared.runtime.config import CONFIGS_DIR
 from shared.solids import Box, Cylinder, Mesh
