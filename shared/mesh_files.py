@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -75,11 +76,14 @@ def mesh_uri(mesh: Mesh) -> str:
 def _parsed(path: Path, suffix: str, scale: Vector3) -> Mesh:
     import trimesh  # half a second: only for those who read meshes
 
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # it logs a traceback before it raises what we report
     try:
         with path.open("rb") as file:  # a file, not a path: materials and textures beside it are not opened
             read = trimesh.load_mesh(file, file_type=suffix[1:], process=False, skip_materials=True)
         if not np.isfinite(read.vertices).all():
             raise ValueError("a coordinate is not finite")
+        if read.vertices.shape[1:] != (3,):
+            raise ValueError("a vertex needs three coordinates")
         read.merge_vertices(merge_tex=True, merge_norm=True)
         vertices, triangles = np.asarray(read.vertices, dtype=np.float64), np.asarray(read.faces)
     except OSError as error:

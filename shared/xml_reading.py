@@ -6,28 +6,12 @@ import math
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterable
-from pathlib import Path
 
-from shared.errors import InputFileError
 from shared.solids import Vector3
 
 
 class XmlError(ValueError):
     """What is wrong with an element, without the document's name."""
-
-
-def read_text(path: Path) -> str:
-    """The text of a file.
-
-    Raises:
-        InputFileError: it cannot be read or is not UTF-8.
-    """
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputFileError(f"{path}: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise InputFileError(f"{path}: not UTF-8 text: {error}") from error
 
 
 def root_of(text: str, tag: str) -> ET.Element:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from shared.errors import InputFileError
+from shared.files import read_text
 from shared.geometry import SE3
 from shared.mesh_files import mesh_path, read_mesh
 from shared.robot.description import Inertia, Joint, Limits, Shape, UrdfModel
@@ -23,7 +24,6 @@ from shared.xml_reading import (
     child_of,
     number,
     positive,
-    read_text,
     refuse_duplicates,
     root_of,
     vector,

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from shared.errors import InputFileError
+from shared.files import read_text
 from shared.geometry import SE3
 from shared.mesh_files import mesh_path, read_mesh
 from shared.solids import Box, Cylinder, Mesh
@@ -25,7 +26,6 @@ from shared.xml_reading import (
     attribute,
     child_of,
     finite_numbers,
-    read_text,
     refuse_duplicates,
     root_of,
 )
@@ -57,6 +57,8 @@ def read_sdf_structure(path: Path) -> Structure:
         return _structure(root_of(text, "sdf"), path)
     except XmlError as error:
         raise InputFileError(f"{path}: {error}") from error
+    except RecursionError:
+        raise InputFileError(f"{path}: models are nested too deeply") from None
 
 
 def _structure(sdf: ET.Element, path: Path) -> Structure:
@@ -125,6 +127,7 @@ def _states_by_name(
     names = [element.get("name", "") for element in elements]
     refuse_duplicates(f"{where}{tag}", names)
     states = [] if state is None else state.findall(tag)
+    refuse_duplicates(f"state: {where}{tag}", [element.get("name", "") for element in states])
     for element in states:
         if element.get("name") not in names:
             raise XmlError(f"state: {where}{tag} '{element.get('name', '')}': there is no such {tag}")

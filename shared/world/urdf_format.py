@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from shared.errors import InputFileError
+from shared.files import read_text
 from shared.geometry import SE3
 from shared.mesh_files import mesh_uri
 from shared.meshes import mesh_of
@@ -15,7 +16,7 @@ from shared.robot.description import Shape, UrdfModel
 from shared.robot.urdf import parse_urdf
 from shared.solids import Box, Cylinder, Mesh, Sphere
 from shared.world.structure import Member, Structure, unique_names
-from shared.xml_reading import read_text, words
+from shared.xml_reading import words
 
 ROOT_LINK = "world"
 """The structure stands still in the world, so its one link is the world frame itself."""

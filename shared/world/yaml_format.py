@@ -14,11 +14,11 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from shared.errors import ConfigError, InputFileError
+from shared.files import read_text
 from shared.geometry import SE3
 from shared.mesh_files import MAX_COORDINATE_M, mesh_uri, read_mesh
 from shared.solids import Box, Cylinder, Mesh, Solid, Vector3
 from shared.world.structure import MAX_LENGTH_M, Member, Structure
-from shared.xml_reading import read_text
 
 _PLATE_THINNESS = 0.25
 """A box is written as a plate if its thickness is less than this part of its width."""
@@ -40,6 +40,8 @@ def read_yaml_structure(path: Path) -> Structure:
         mark = getattr(error, "problem_mark", None)
         place = f":{mark.line + 1}" if mark is not None else ""
         raise InputFileError(f"{path}{place}: not valid YAML: {getattr(error, 'problem', None) or error}") from error
+    except RecursionError:
+        raise InputFileError(f"{path}: lists or maps are nested too deeply") from None
     counts = Counter(part.name for part in entry.parts())
     if problems := [f"{path}: bar '{name}': defined {n} times" for name, n in counts.items() if n > 1]:
         raise ConfigError(problems)

@@ -84,6 +84,7 @@ def test_triangles_without_extent_go(tmp_path):
         ("t.stl", stl([("0 0 0", "0 0 0", "0 2 0")]), "the mesh is degenerate"),
         ("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "not a usable OBJ mesh: "),
         ("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "t.obj: "),
+        ("t.obj", "v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "a vertex needs three coordinates"),
         ("t.obj", "v 0 0 zero\nf 1 1 1\n", "not a usable OBJ mesh: "),
         ("t.ply", "ply\nformat ascii 1.0\nelement vertex 9\n", "not a usable PLY mesh: "),
     ],

@@ -148,6 +148,7 @@ PLANE = "<geometry><plane><normal>{}</normal></plane></geometry>"
         (world(model().replace("<pose>", "<pose relative_to='x'>")), "model 'm': pose: relative_to='x'"),
         (world(model().replace("<pose>", "<pose rotation_format='quat_xyzw'>")), "rotation_format 'quat_xyzw'"),
         (world(model().replace("<model ", "<model placement_frame='f' ")), "model 'm': placement_frame"),
+        (world(model(), STATE.format("<model name='m'/>" * 2)), "state: model 'm': defined 2 times"),
         (world(model(), STATE.format("<model name='n'/>")), "state: model 'n': there is no such model"),
         (world(model(), STATE.format("<model name='m'><link name='k'/></model>")), "link 'k': there is no such link"),
         (world(model(), STATE.format("<insertions><model name='n'/></insertions>")), "state: <insertions> is not"),
@@ -184,6 +185,11 @@ def test_what_cannot_be_used_is_named(tmp_path, text, reason):
         loaded(tmp_path, text)
     assert str(caught.value).startswith(f"{tmp_path / 'some.sdf'}: ")
     assert reason in str(caught.value)
+
+
+def test_a_file_that_is_nested_without_end_is_refused(tmp_path):
+    with pytest.raises(InputFileError, match=r"some\.sdf: models are nested too deeply"):
+        loaded(tmp_path, world("<model name='a'>" * 5000, "</model>" * 5000))
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shared.errors import InputFileError
-from shared.xml_reading import XmlError, finite_numbers, read_text, root_of, vector, words
+from shared.xml_reading import XmlError, finite_numbers, root_of, vector, words
 
 
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1))
@@ -27,9 +26,3 @@ def test_a_vector_may_have_a_default():
     for missing in (element, None):
         with pytest.raises(XmlError, match="a: attribute 'rpy' is missing"):
             vector(missing, "rpy", None, "a")
-
-
-def test_a_file_that_is_no_text_is_named(tmp_path):
-    (tmp_path / "a.xml").write_bytes(b"\xff\xfe")
-    with pytest.raises(InputFileError, match=r"a\.xml: not UTF-8 text: "):
-        read_text(tmp_path / "a.xml")

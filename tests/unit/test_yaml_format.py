@@ -72,6 +72,11 @@ def test_a_mesh_that_cannot_be_read_is_named_with_its_member(tmp_path):
         load_structure(written(tmp_path, ALL))
 
 
+def test_a_file_that_is_nested_without_end_is_refused(tmp_path):
+    with pytest.raises(InputFileError, match=r"structure\.yaml: lists or maps are nested too deeply"):
+        load_structure(written(tmp_path, "[" * 5000))
+
+
 def test_no_parts_are_no_structure(tmp_path):
     with pytest.raises(ConfigError, match=r"structure\.yaml: there is no box, cylinder or mesh in it"):
         load_structure(written(tmp_path, "name: s\n"))
