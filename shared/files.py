@@ -1,4 +1,4 @@
-"""Clouds and trajectories as files."""
+"""Texts, clouds and trajectories as files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.errors import InputFileError
 from shared.geometry import SE3
+
+
+def read_text(path: Path) -> str:
+    """The text of a file.
+
+    Raises:
+        InputFileError: it cannot be read or is not UTF-8.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise InputFileError(f"{path}: not UTF-8 text: {error}") from error
 
 
 def write_pcd(path: Path, points_m: NDArray[np.floating]) -> None:

@@ -60,10 +60,33 @@ def sphere(radius_m: float) -> Mesh:
 
 
 def merged(meshes: Sequence[Mesh]) -> Mesh:
-    """All meshes as one; they must share a frame."""
+    """All meshes as one, without triangles if there is none; they must share a frame."""
+    if not meshes:
+        return Mesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.uint32))
     offsets = np.cumsum([0] + [len(mesh.vertices_m) for mesh in meshes[:-1]])
     triangles = [mesh.triangles + np.uint32(offset) for mesh, offset in zip(meshes, offsets, strict=True)]
     return Mesh(np.concatenate([mesh.vertices_m for mesh in meshes]), np.concatenate(triangles))
+
+
+def area_m2(mesh: Mesh) -> float:
+    """The area of all triangles."""
+    a, b, c = np.moveaxis(mesh.vertices_m[mesh.triangles], 1, 0)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def volume_m3(mesh: Mesh) -> float:
+    """The volume that a closed mesh encloses; negative if it is wound inside out."""
+    centred = mesh.vertices_m - mesh.vertices_m.mean(axis=0)
+    a, b, c = np.moveaxis(centred[mesh.triangles], 1, 0)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether each edge of each triangle is met by exactly one neighbour, which runs along it the other way."""
+    starts, ends = mesh.triangles.astype(np.int64).ravel(), np.roll(mesh.triangles, -1, axis=1).astype(np.int64).ravel()
+    forth = np.sort(starts * len(mesh.vertices_m) + ends)
+    back = np.sort(ends * len(mesh.vertices_m) + starts)
+    return bool(np.array_equal(forth, back) and np.all(np.diff(forth) > 0))
 
 
 def _triangulated(quads: Sequence[tuple[int, int, int, int]] | NDArray[np.integer]) -> NDArray[np.uint32]:

@@ -48,7 +48,8 @@ from shared.robot.parallel_module import ModuleGeometry
 from shared.robot.urdf import parse_urdf
 from shared.runtime.config import ActuatorConfig, SimConfig
 from shared.world.steel import SteelSurface
-from shared.world.structure import Structure, structure_urdf
+from shared.world.structure import Structure
+from shared.world.urdf_format import structure_urdf
 
 M = TypeVar("M", bound=Measurement)
 

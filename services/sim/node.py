@@ -18,7 +18,7 @@ from shared.messaging.channels import (
 from shared.robot.urdf import read_urdf
 from shared.runtime.config import Config
 from shared.runtime.node import Context, Messages, Node
-from shared.world.structure import load_structure
+from shared.world.files import load_structure
 
 
 def build_node(config: Config, _context: Context) -> Node:

@@ -8,17 +8,16 @@ from numpy.typing import NDArray
 from services.sim.engine import ROOT_INDEX, Engine
 from services.sim.quiet_pybullet import pybullet
 from shared.geometry import SE3
-from shared.meshes import merged, mesh_of
 from shared.messaging.messages import JOINT_NAMES, Foot
 from shared.robot.description import UrdfModel
 from shared.robot.kinematics import FOOT_LINKS, HYRECRO
 from shared.runtime.config import DynamicsConfig
-from shared.solids import Mesh
+from shared.world.mesh_format import world_mesh
 from shared.world.steel import SOLE_BELOW_CENTRE_M
 from shared.world.structure import Structure
 
-_MAX_VERTICES = 100_000
-"""pybullet takes some 130,000 vertices a shape."""
+_MAX_TRIANGLES = 40_000
+"""A body of steel has at most so many: pybullet 3.2.7 takes 131,072 vertices a shape, found by trying."""
 _HOLD_N = 1e6
 """What the engine may exert to keep a held foot in place: far above any magnet, whose limits are judged apart."""
 _POSITION_GAIN, _VELOCITY_GAIN = 0.5, 1.0
@@ -138,24 +137,18 @@ class Physics:
             pybullet.setCollisionFilterPair(self._robot, body, index, -1, int(is_touching), **self._client)
 
     def _add_steel(self, structure: Structure) -> list[int]:
-        meshes = [mesh_of(member.solid).moved(member.T_world_member) for member in structure.members]
-        bodies: list[int] = []
-        part: list[Mesh] = []
-        num_vertices = 0
-        for mesh in meshes:
-            if part and num_vertices + len(mesh.vertices_m) > _MAX_VERTICES:
-                bodies.append(self._add_triangles(part))
-                part, num_vertices = [], 0
-            part.append(mesh)
-            num_vertices += len(mesh.vertices_m)
-        return [*bodies, self._add_triangles(part)] if part else bodies
+        mesh = world_mesh(structure)
+        corners = mesh.vertices_m[mesh.triangles]
+        starts = range(0, len(corners), _MAX_TRIANGLES)
+        return [self._add_triangles(corners[start : start + _MAX_TRIANGLES]) for start in starts]
 
-    def _add_triangles(self, meshes: list[Mesh]) -> int:
-        mesh = merged(meshes)
+    def _add_triangles(self, corners: NDArray[np.floating]) -> int:
+        """A body of triangles (T, 3, 3), which may be hollow, as it does not move."""
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_MESH,
-            vertices=mesh.vertices_m.tolist(),
-            indices=mesh.triangles.ravel().tolist(),
+            vertices=corners.reshape(-1, 3).tolist(),
+            indices=list(range(corners.size // 3)),
+            flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
             **self._client,
         )
         body = int(pybullet.createMultiBody(0, shape, **self._client))

@@ -10,7 +10,8 @@ from shared.messaging.messages import Event, Foot, Message, Transforms
 from shared.robot.kinematics import FOOT_LINKS, HYRECRO
 from shared.robot.urdf import parse_urdf, read_urdf
 from shared.runtime.config import CONFIGS_DIR, SimConfig
-from shared.world.structure import Structure, load_structure
+from shared.world.files import load_structure
+from shared.world.structure import Structure
 
 URDF = read_urdf(CONFIGS_DIR / "robot" / "hyrecro.urdf")
 MARK = read_urdf(CONFIGS_DIR / "robot" / "fixed_foot.urdf")

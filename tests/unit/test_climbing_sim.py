@@ -29,7 +29,9 @@ from shared.messaging.messages import (
 from shared.robot.kinematics import FOOT_LINKS, HYRECRO, T_fixed_free
 from shared.robot.urdf import parse_urdf, read_urdf
 from shared.runtime.config import CONFIGS_DIR, SimConfig
-from shared.world.structure import Structure, load_structure, structure_urdf
+from shared.world.files import load_structure
+from shared.world.structure import Structure
+from shared.world.urdf_format import structure_urdf
 
 URDF = read_urdf(CONFIGS_DIR / "robot" / "hyrecro.urdf")
 MARK = read_urdf(CONFIGS_DIR / "robot" / "fixed_foot.urdf")
@@ -253,7 +255,7 @@ def test_a_refused_target_says_why_and_changes_nothing(target, reason):
             '<joint name="lidar_mount" type="continuous"><limit velocity="1"/>',
             "unknown joints lidar_mount; only q1",
         ),
-        ("<robot ", "<robots ", "robot URDF: mismatched tag"),
+        ("<robot ", "<robots ", "robot URDF: not valid XML: mismatched tag"),
     ],
 )
 def test_another_robot_is_refused(old, new, reason):
