@@ -46,6 +46,7 @@ class Player:
         self._index = self._step = self._num_waits = 0
         self._num_steps = 1
         self._start: NDArray[np.float64] | None = None
+        self._last: NDArray[np.float64] | None = None
         self._foot_wanted: Foot | None = None
 
     @property
@@ -101,8 +102,9 @@ class Player:
 
     def _move_joints(self, move: MoveTo, q: NDArray[np.float64]) -> list[Message]:
         if self._start is None:
-            self._start = q
-            self._num_steps = self._steps_between(q, move.q)
+            self._start = q if self._last is None else self._last  # what was commanded has no noise
+            self._last = move.q
+            self._num_steps = self._steps_between(self._start, move.q)
         if self._step < self._num_steps:
             self._step += 1
             share = self._share(self._step / self._config.rate_hz)

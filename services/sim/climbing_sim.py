@@ -98,7 +98,7 @@ class ClimbingSim:
         self._slip = Slip(config.slip, slip_rng)
         self._body = _build_body(config, urdf_text, model, structure, self._slip)
         self._tree = LinkTree(model, self._body.links)
-        self._stand_still()
+        self._stop(np.zeros(2))
 
     @property
     def wall_hz(self) -> float:
@@ -118,7 +118,7 @@ class ClimbingSim:
         period = self._time.advance()
         if period is None:
             return []
-        news = self._body.advance(self._motion, *period)
+        news = self._body.advance(self._motion.shifted(-self._encoders.bias), *period)
         messages = self._states()
         if self._num_leg_states_due() > num_leg_states:
             messages += [self._leg_state(), *self._events(self._strokes.look(self._true_actuators()))]
@@ -164,7 +164,7 @@ class ClimbingSim:
         if control.action is not SimAction.RESET:
             return [self._clock()]
         self._body.reset()
-        self._stand_still()
+        self._stop(np.zeros(2))
         text = "the robot is back at its initial place and posture"
         return [*self._states(), self._leg_state(), *self._events([text], Severity.INFO)]
 
@@ -173,13 +173,16 @@ class ClimbingSim:
         self._body.close()
 
     def _reseed(self, seed: int) -> None:
+        """New noise, and new biases: the joints stop where they are, which the drives now know as another place."""
         encoder_rng, slip_rng = _generators(seed)
         self._encoders = Encoders(self._config.encoders, encoder_rng)
         self._slip.reseed(slip_rng)
+        self._stop(self._slides.at(self._time.stamp_ns)[0])
 
-    def _stand_still(self) -> None:
-        self._motion = JointMotion(self._body.q, self._body.q)
-        self._slides = JointMotion(np.zeros(2), np.zeros(2))
+    def _stop(self, slides: Any) -> None:
+        q = self._body.q + self._encoders.bias
+        self._motion = JointMotion(q, q)
+        self._slides = JointMotion(slides, slides)
 
     def _set_off(self, q: Any, slides: Any, duration_s: float | None) -> None:
         now_ns = self._time.stamp_ns

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,10 @@ class JointMotion:
         way = self.q_end - self.q_start
         share, share_per_ns = self._share(elapsed_ns)
         return self.q_start + share * way, share_per_ns * 1e9 * way
+
+    def shifted(self, offset: Joints) -> JointMotion:
+        """The same motion with every position moved by an offset (J,)."""
+        return replace(self, q_start=self.q_start + offset, q_end=self.q_end + offset)
 
     def _share(self, elapsed_ns: int) -> tuple[float, float]:
         """Share of the way, and its change a nanosecond."""

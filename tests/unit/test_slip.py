@@ -51,3 +51,21 @@ def test_leg_odometry_drifts_by_millimetres():
     errors = np.array([leg_odometry_error(seed) for seed in range(8)])
     assert 0.003 < np.median(errors[:, 0]) < 0.03
     assert 0.3 < np.rad2deg(np.median(errors[:, 1])) < 3.0
+
+
+def test_drives_go_where_their_encoders_say():
+    config = SimConfig(encoders=EncoderConfig(bias_rad=0.01, piston_bias_m=0.001))
+    q = np.array([0.1, 0.01, -0.2, 0.3, 0.1, 0.2, -0.01, 0.1])
+    with running(config, seed=3) as sim:
+        start = sim.start()
+        bias = only(JointState, start).q
+        assert (bias != 0).all()
+        np.testing.assert_allclose(
+            T_world_foot(only(Transforms, start), Foot.B).translation, [0, -0.625, 10.105], atol=1e-12
+        )
+        sim.set_joint_target(JointTarget(q=q))
+        messages = [message for _ in range(100) for message in sim.step()]
+    np.testing.assert_allclose(last(JointState, messages).q, q, atol=1e-12)
+    T_world_A = SE3.from_rpy((0, 0, np.pi / 2), (0.0, -0.775, 10.105))
+    expected = T_world_A @ T_fixed_free(q - bias, Foot.A)
+    np.testing.assert_allclose(T_world_foot(last(Transforms, messages), Foot.B).matrix, expected.matrix, atol=1e-9)
