@@ -1,9 +1,10 @@
-"""`hyrecro up`, `demo`, `router`, `doctor`: start the pipeline, or look at what it stands on."""
+"""`hyrecro up`, `demo`, `simulate`, `router`, `doctor`: start the pipeline or a part, or look at what it stands on."""
 
 from __future__ import annotations
 
 import sys
 import time
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -15,7 +16,7 @@ EndpointOption = Annotated[str | None, typer.Option(help="Where to listen; defau
 
 def register(app: typer.Typer) -> None:
     """Adds the commands to the top of the command tree."""
-    for command in (up, demo, router, doctor):
+    for command in (up, demo, simulate, router, doctor):
         app.command()(command)
 
 
@@ -45,6 +46,25 @@ def demo(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None, is_json:
     from cli.demo import run_demo
 
     raise typer.Exit(run_demo(config, set_ or [], is_json=is_json))
+
+
+def simulate(
+    trajectory: Annotated[Path, typer.Argument(metavar="TRAJECTORY.csv")],
+    out: Annotated[Path, typer.Option(help="An empty or new folder.")],
+    scans: Annotated[int | None, typer.Option(min=1, help="Evenly over the climb; default: the LiDAR's rate.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of all random numbers; default from the settings.")] = None,
+    config: ConfigOption = DEFAULT_CONFIG,
+    set_: SetOption = None,
+) -> None:
+    """Climbs and scans without any bus: data0.pcd ..., labels, truth.tum, joints.csv; the same seed, the same bytes."""
+    from cli.playback import progress_bar
+    from cli.simulate import simulate as run
+
+    overrides = [*(set_ or []), f"player.trajectory={trajectory.resolve()}"]
+    overrides += [f"seed={seed}"] if seed is not None else []
+    with progress_bar() as progress:
+        num_scans = run(resolved(config, overrides), out, scans, progress)
+    typer.echo(f"{num_scans} scans in {out}")
 
 
 def router(endpoint: EndpointOption = None, config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None) -> None:

@@ -18,6 +18,8 @@ from shared.runtime.logs import configure_logs
 from shared.runtime.node import Context
 from shared.runtime.runner import run_node
 
+_PROGRESS_HZ = 4.0
+
 
 def play_trajectory(config: Config, is_stopping: Callable[[], bool]) -> bool:
     """Plays `config.player.trajectory` over the bus; returns whether it was played to its end.
@@ -31,12 +33,11 @@ def play_trajectory(config: Config, is_stopping: Callable[[], bool]) -> bool:
     with progress_bar() as progress:
         task = progress.add_task("climb", total=1.0)
 
-        def tick() -> list[Message]:
-            messages = player.tick()
+        def show() -> list[Message]:
             progress.update(task, completed=player.progress)
-            return messages
+            return []
 
-        node = dataclasses.replace(node_of(player, config), on_timer=tick)
+        node = dataclasses.replace(node_of(player), on_timer=show, timer_hz=_PROGRESS_HZ)
         run_node(node, config, Context(clock_ns=time.monotonic_ns), is_stopping)
     return player.is_done
 

@@ -13,14 +13,12 @@ import typer
 
 from services.player.trajectory import ChangeFoot, read_trajectory
 from shared.climbing.climb_check import ClimbCheck, Row, RowReport
-from shared.climbing.climber import Climber
+from shared.climbing.climber import load_climber
 from shared.climbing.stance import Stance
 from shared.geometry import SE3
 from shared.messaging.messages import JOINT_NAMES
-from shared.robot.urdf import parse_urdf, read_urdf
 from shared.runtime.config import Config
 from shared.runtime.exit_codes import Exit
-from shared.world.structure import load_structure
 
 _WHAT = {"start": "start on {}", "move": "move {}", "change": "fix {}"}
 
@@ -32,16 +30,6 @@ def initial_stance(config: Config) -> Stance:
     return Stance(sim.initial_foot, T_world_foot)
 
 
-def climber_of(config: Config) -> Climber:
-    """The configuration's robot on its structure.
-
-    Raises:
-        InputFileError, ConfigError: one of the two is not usable.
-    """
-    model = parse_urdf(read_urdf(config.robot), str(config.robot))
-    return Climber.of(model, load_structure(config.structure))
-
-
 def check_trajectory(path: Path, config: Config) -> list[RowReport]:
     """The reports of a file's rows, on the structure of the configuration, from where its simulation starts.
 
@@ -49,7 +37,7 @@ def check_trajectory(path: Path, config: Config) -> list[RowReport]:
         InputFileError, ConfigError: the trajectory, the robot or the structure is not usable.
     """
     rows = [Row(move.line, None if isinstance(move, ChangeFoot) else move.q) for move in read_trajectory(path)]
-    return list(ClimbCheck(climber_of(config)).reports(rows, initial_stance(config), np.zeros(len(JOINT_NAMES))))
+    return list(ClimbCheck(load_climber(config)).reports(rows, initial_stance(config), np.zeros(len(JOINT_NAMES))))
 
 
 def print_reports(reports: Sequence[RowReport], *, is_json: bool) -> Exit:

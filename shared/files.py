@@ -1,4 +1,4 @@
-"""Clouds and trajectories as files."""
+"""Texts, clouds and trajectories as files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.errors import InputFileError
 from shared.geometry import SE3
+from shared.messaging.messages import LidarScan
+
+
+def read_text(path: Path) -> str:
+    """The text of a file.
+
+    Raises:
+        InputFileError: it cannot be read or is not UTF-8.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise InputFileError(f"{path}: not UTF-8 text: {error}") from error
 
 
 def write_pcd(path: Path, points_m: NDArray[np.floating]) -> None:
@@ -16,6 +32,16 @@ def write_pcd(path: Path, points_m: NDArray[np.floating]) -> None:
     from pypcd4 import PointCloud
 
     PointCloud.from_xyz_points(points_m.astype(np.float32)).save(path)
+
+
+def write_scan(path: Path, scan: LidarScan) -> None:
+    """A scan as a binary PCD with the fields that LiDAR users know: x y z intensity t (ns in the scan) ring."""
+    from pypcd4 import Encoding, PointCloud
+
+    columns = [*scan.points_m.T, scan.intensity, scan.t_ns, scan.ring]
+    fields = ("x", "y", "z", "intensity", "t", "ring")
+    types = (np.float32, np.float32, np.float32, np.float32, np.uint32, np.uint16)
+    PointCloud.from_points(columns, fields, types).save(path, encoding=Encoding.BINARY)
 
 
 def write_tum(path: Path, poses: Iterable[tuple[int, SE3]]) -> None:

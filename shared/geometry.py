@@ -175,6 +175,16 @@ class SE3:
         return np.concatenate([self.translation, self.quat_xyzw])
 
     @property
+    def rpy_rad(self) -> tuple[float, float, float]:
+        """Fixed-axis roll, pitch, yaw. Yaw is undone before roll is read, which stays exact at pitch +-90 degrees."""
+        R = self.rotation
+        yaw = float(np.arctan2(R[1, 0], R[0, 0]))
+        c, s = np.cos(yaw), np.sin(yaw)
+        pitch = float(np.arctan2(-R[2, 0], c * R[0, 0] + s * R[1, 0]))
+        roll = float(np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1]))
+        return roll, pitch, yaw
+
+    @property
     def angle_rad(self) -> float:
         """Rotation angle in [0, pi]."""
         return float(np.linalg.norm(self.log()[3:]))

@@ -26,6 +26,35 @@ def mesh_of(solid: Solid) -> Mesh:
             return solid
 
 
+def faces_of(solid: Solid) -> NDArray[np.int32]:
+    """Which face of a solid each triangle of `mesh_of(solid)` belongs to, (T,).
+
+    Box: 0 to 5 for -x, +x, -y, +y, -z, +z. Cylinder: 0 the side, 1 the bottom, 2 the top. Sphere: 0. Mesh: triangles in
+    one plane share a number, to 0.1 mm and 0.01 of their normal.
+    """
+    num_triangles = len(mesh_of(solid).triangles)
+    match solid:
+        case Box():
+            return np.arange(num_triangles, dtype=np.int32) % 6
+        case Cylinder():
+            num_cap = _NUM_SEGMENTS - 2
+            return np.repeat(np.arange(3, dtype=np.int32), [2 * _NUM_SEGMENTS, num_cap, num_cap])
+        case Sphere():
+            return np.zeros(num_triangles, dtype=np.int32)
+        case Mesh():
+            return _planes_of(solid)
+
+
+def _planes_of(mesh: Mesh) -> NDArray[np.int32]:
+    corners = mesh.vertices_m.astype(np.float64)[mesh.triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+    offsets_m = np.einsum("tc,tc->t", normals, corners.mean(axis=1))
+    planes = np.round(np.column_stack([normals * 100, offsets_m * 10_000]))
+    _, numbers = np.unique(planes + 0.0, axis=0, return_inverse=True)
+    return numbers.reshape(-1).astype(np.int32)
+
+
 def box(size_m: Sequence[float]) -> Mesh:
     """A box of edge lengths x, y, z."""
     signs = np.array([[(i >> axis & 1) - 0.5 for axis in range(3)] for i in range(8)])
@@ -60,10 +89,33 @@ def sphere(radius_m: float) -> Mesh:
 
 
 def merged(meshes: Sequence[Mesh]) -> Mesh:
-    """All meshes as one; they must share a frame."""
+    """All meshes as one, without triangles if there is none; they must share a frame."""
+    if not meshes:
+        return Mesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.uint32))
     offsets = np.cumsum([0] + [len(mesh.vertices_m) for mesh in meshes[:-1]])
     triangles = [mesh.triangles + np.uint32(offset) for mesh, offset in zip(meshes, offsets, strict=True)]
     return Mesh(np.concatenate([mesh.vertices_m for mesh in meshes]), np.concatenate(triangles))
+
+
+def area_m2(mesh: Mesh) -> float:
+    """The area of all triangles."""
+    a, b, c = np.moveaxis(mesh.vertices_m[mesh.triangles], 1, 0)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def volume_m3(mesh: Mesh) -> float:
+    """The volume that a closed mesh encloses; negative if it is wound inside out."""
+    centred = mesh.vertices_m - mesh.vertices_m.mean(axis=0)
+    a, b, c = np.moveaxis(centred[mesh.triangles], 1, 0)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether each edge of each triangle is met by exactly one neighbour, which runs along it the other way."""
+    starts, ends = mesh.triangles.astype(np.int64).ravel(), np.roll(mesh.triangles, -1, axis=1).astype(np.int64).ravel()
+    forth = np.sort(starts * len(mesh.vertices_m) + ends)
+    back = np.sort(ends * len(mesh.vertices_m) + starts)
+    return bool(np.array_equal(forth, back) and np.all(np.diff(forth) > 0))
 
 
 def _triangulated(quads: Sequence[tuple[int, int, int, int]] | NDArray[np.integer]) -> NDArray[np.uint32]:

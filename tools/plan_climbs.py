@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cli.trajectory_check import check_trajectory, climber_of, initial_stance, print_reports
+from cli.trajectory_check import check_trajectory, initial_stance, print_reports
 from services.planner.schedule import PHASES
 from services.planner.step_planning import StepPlan, plan_step
 from services.planner.step_space import CONTACT_M, StepSpace
 from services.planner.tree_search import without_needless
-from shared.climbing.climber import Climber
+from shared.climbing.climber import Climber, load_climber
 from shared.climbing.stance import Stance
 from shared.errors import RefusedError
 from shared.geometry import SE3, Float
@@ -83,6 +83,7 @@ CLIMBS = {
         Step(A, (0.4, 0, 10.1), UP),
         Step(B, (0.65, 0, 10.1), UP),
         Step(A, (1.0, 0, 10.1), UP),
+        Step(B, (1.3, 0, 10.1), UP),
     ),
 }
 
@@ -132,7 +133,7 @@ def write_rows(path: Path, rows: Sequence[Float | None]) -> None:
 def main(names: Sequence[str]) -> int:
     """Writes and checks the named climbs, or all."""
     config = load_config()
-    climber = climber_of(config)
+    climber = load_climber(config)
     code = 0
     for name in names or CLIMBS:
         path = CONFIGS_DIR / "trajectories" / f"{name}.csv"

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared.geometry import SE3
-from shared.robot.description import UrdfModel
-from shared.solids import Box
+from shared.meshes import merged, mesh_of
+from shared.robot.description import Shape, UrdfModel
+from shared.solids import Box, Mesh
 
 _RANSAC_ITERATIONS = 1000
 """As in the published evaluation of the original system : 11 planes, 0.04 m, 1000 iterations."""
@@ -27,19 +31,18 @@ class MapAccuracy:
 
 
 def map_accuracy(points_world_m: NDArray[np.floating], structure: UrdfModel) -> MapAccuracy:
-    """Accuracy of points (N, 3) in the world frame against the boxes of the structure.
+    """Accuracy of points (N, 3) in the world frame against the visible shapes of the structure.
+
+    Boxes are compared with exactly; cylinders and spheres as the facets that the sensors see of them.
 
     Raises:
-        ValueError: no points, or a structure that is not made of boxes on its root link.
+        ValueError: no points, or a structure with a shape that is not on its root link.
     """
     if len(points_world_m) == 0:
         raise ValueError("the map has no points")
-    distances = np.full(len(points_world_m), np.inf)
-    for shape in structure.shapes:
-        if not isinstance(shape.solid, Box) or shape.link != structure.root:
-            raise ValueError(f"{shape.link}: only boxes on the root link can be compared with")
-        box_distances = distances_to_box(points_world_m, shape.solid, shape.T_link_shape)
-        np.minimum(distances, box_distances, out=distances)
+    if far := [shape.link for shape in structure.shapes if shape.link != structure.root]:
+        raise ValueError(f"{far[0]}: only shapes on the root link can be compared with")
+    distances = distances_to_shapes(points_world_m.astype(np.float64), structure.shapes)
     return MapAccuracy(
         num_points=len(points_world_m),
         mean_m=float(distances.mean()),
@@ -47,6 +50,31 @@ def map_accuracy(points_world_m: NDArray[np.floating], structure: UrdfModel) -> 
         p95_m=float(np.percentile(distances, 95)),
         max_m=float(distances.max()),
     )
+
+
+def distances_to_shapes(points_m: NDArray[np.float64], shapes: Sequence[Shape]) -> NDArray[np.float64]:
+    """Unsigned distances (N,) of points (N, 3) to the nearest surface of any shape; inf where there are no shapes."""
+    others = [mesh_of(shape.solid).moved(shape.T_link_shape) for shape in shapes if not isinstance(shape.solid, Box)]
+    distances = _distances_to_mesh(points_m, merged(others)) if others else np.full(len(points_m), np.inf)
+    for shape in shapes:
+        if isinstance(shape.solid, Box):
+            from_centre = points_m - shape.T_link_shape.translation
+            reach_m = distances + np.linalg.norm(shape.solid.size_m) / 2
+            near = np.flatnonzero(np.einsum("ij,ij->i", from_centre, from_centre) < reach_m**2)
+            if len(near) > 0:
+                to_box = distances_to_box(points_m[near], shape.solid, shape.T_link_shape)
+                distances[near] = np.minimum(distances[near], to_box)
+    return distances
+
+
+def _distances_to_mesh(points_m: NDArray[np.float64], mesh: Mesh) -> NDArray[np.float64]:
+    """By Embree in float32, so from the mesh's middle: where structures are far from the origin nothing is lost."""
+    o3d: Any = import_module("open3d")
+    tensor, scene = o3d.core.Tensor, o3d.t.geometry.RaycastingScene(nthreads=1)
+    middle = mesh.vertices_m.mean(axis=0)
+    scene.add_triangles(tensor((mesh.vertices_m - middle).astype(np.float32)), tensor(mesh.triangles))
+    distances = scene.compute_distance(tensor((points_m - middle).astype(np.float32)), nthreads=1)
+    return np.asarray(distances.numpy(), dtype=np.float64)
 
 
 def distances_to_box(points_m: NDArray[np.floating], box: Box, T_world_box: SE3) -> NDArray[np.float64]:

@@ -1,7 +1,7 @@
 """Wiring of the planner."""
 
 from services.planner.planner import StepPlanner
-from shared.climbing.climber import Climber
+from shared.climbing.climber import load_climber
 from shared.messaging.channels import (
     EVENTS,
     FOOT_STATUS,
@@ -11,16 +11,13 @@ from shared.messaging.channels import (
     LEG_STATE,
     LEG_TARGET,
 )
-from shared.robot.urdf import parse_urdf, read_urdf
 from shared.runtime.config import Config
 from shared.runtime.node import Context, Node
-from shared.world.structure import load_structure
 
 
 def build_node(config: Config, _context: Context) -> Node:
     """The node that puts feet where they are told to go."""
-    model = parse_urdf(read_urdf(config.robot), str(config.robot))
-    planner = StepPlanner(config.planner, Climber.of(model, load_structure(config.structure)), config.seed)
+    planner = StepPlanner(config.planner, load_climber(config), config.seed)
     return Node(
         name="planner",
         inputs={

@@ -13,6 +13,7 @@ from shared.climbing.climber import Climber
 from shared.climbing.stance import Stance
 from shared.errors import RefusedError
 from shared.geometry import SE3, Float
+from shared.messaging.channels import JOINTS_TARGET, LEG_TARGET
 from shared.messaging.messages import (
     Event,
     Foot,
@@ -31,6 +32,7 @@ from shared.runtime.config import PlannerConfig
 
 _STATUS_PERIOD_NS = 500_000_000
 _WORLD = "world"
+_OWN_KEYS = (JOINTS_TARGET.key_expr, LEG_TARGET.key_expr)
 
 
 @dataclass(slots=True, eq=False)
@@ -94,7 +96,7 @@ class StepPlanner:
         except RefusedError as error:
             self._told.append(self._status(foot, FootPhase.REFUSED, 0.0, str(error)))
             raise
-        schedule = Schedule(plan, self._climber.max_velocity, self._config.speed_share)
+        schedule = Schedule(plan, self._climber.max_velocity, self._config.speed_share, self._config.ramp_s)
         self._step = _Step(plan, schedule)
         return [self._step_status(self._step, FootPhase.PLANNING)]
 
@@ -118,8 +120,9 @@ class StepPlanner:
         return [self._end(step, FootPhase.STOPPED, f"someone fixed foot {state.fixed_foot.value}")]
 
     def add_event(self, event: Event) -> list[Message]:
-        """Ends the step when the simulation refuses one of its commands."""
-        if self._step is None or event.source != "sim" or event.severity is Severity.INFO:
+        """Ends the step when the simulation refuses such a command as it sends, or the robot falls."""
+        is_bad = event.refused_key.endswith(_OWN_KEYS) or event.severity is Severity.ERROR
+        if self._step is None or event.source != "sim" or not is_bad:
             return []
         return [self._end(self._step, FootPhase.FAILED, event.text)]
 

@@ -9,10 +9,10 @@ from shared.runtime.node import Context, Node
 
 def build_node(config: Config, _context: Context) -> Node:
     """The node that plays `config.player.trajectory` once."""
-    return node_of(Player(config.player, read_trajectory(config.player.trajectory)), config)
+    return node_of(Player(config.player, read_trajectory(config.player.trajectory)))
 
 
-def node_of(player: Player, config: Config) -> Node:
+def node_of(player: Player) -> Node:
     """Inputs and outputs of a player."""
     return Node(
         name="player",
@@ -22,7 +22,5 @@ def node_of(player: Player, config: Config) -> Node:
             EVENTS: player.add_event,
         },
         outputs=(JOINTS_TARGET, LEG_TARGET),
-        on_timer=player.tick,
-        timer_hz=config.player.rate_hz,
         is_done=lambda: player.is_done,
     )

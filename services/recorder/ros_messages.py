@@ -30,7 +30,7 @@ _SCAN_FIELDS = (*_XYZ_FIELDS, ("intensity", 12, _FLOAT32), ("t", 16, _UINT32), (
 _SCAN_DTYPE = np.dtype([("xyz", "<f4", (3,)), ("intensity", "<f4"), ("t", "<u4"), ("ring", "<u2")])
 
 # rcl_interfaces/msg/Log: level constants
-_LOG_LEVELS = {m.Severity.INFO: 20, m.Severity.WARNING: 30, m.Severity.ERROR: 40}
+LOG_LEVELS = {m.Severity.INFO: 20, m.Severity.WARNING: 30, m.Severity.ERROR: 40}
 
 _DIAGNOSTIC_OK = 0
 """diagnostic_msgs/DiagnosticStatus.OK: a heartbeat reports numbers and leaves the verdict to the reader."""
@@ -138,6 +138,7 @@ def _leg_state(state: m.LegState, stamp_ns: int) -> object:
         foot_pose=ros.pose(state.T_world_foot),
         is_contact_known=state.has_contact is not None,
         has_contact=bool(state.has_contact),
+        is_holding_known=state.holding is not None,
         holding=[foot.value for foot in state.holding or ()],
         wrench=ros.wrench(np.full(6, UNKNOWN) if state.wrench is None else state.wrench),
         load_n=_or_unknown(state.load_n),
@@ -250,14 +251,15 @@ def _tracking_metrics(metrics: m.TrackingMetrics, stamp_ns: int) -> object:
 
 
 def _event(event: m.Event, stamp_ns: int) -> object:
+    """The key of a refused command stands in `function`, which nothing else here uses."""
     return ros.new(
         "rcl_interfaces/msg/Log",
         stamp=ros.time(stamp_ns),
-        level=_LOG_LEVELS[event.severity],
+        level=LOG_LEVELS[event.severity],
         name=event.source,
         msg=event.text,
         file="",
-        function="",
+        function=event.refused_key,
         line=0,
     )
 

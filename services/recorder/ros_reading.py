@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from services.recorder import ros_schemas as ros
+from services.recorder.ros_messages import LOG_LEVELS
 from shared.messaging import messages as m
 from shared.messaging.channels import Channel
 
@@ -106,6 +107,40 @@ def _map_status(ros_message: Any, seq: int) -> m.MapStatus:
     return m.MapStatus(stamp_ns=_stamp_ns(header.stamp), seq=seq, frame=header.frame_id, **values)
 
 
+def _known(value: float) -> float | None:
+    return None if np.isnan(value) else value
+
+
+def _leg_state(ros_message: Any, seq: int) -> m.LegState:
+    force, torque = ros_message.wrench.force, ros_message.wrench.torque
+    wrench = np.array([force.x, force.y, force.z, torque.x, torque.y, torque.z])
+    pose = ros_message.foot_pose
+    return m.LegState(
+        stamp_ns=_stamp_ns(ros_message.header.stamp),
+        seq=seq,
+        frame=ros_message.header.frame_id,
+        fixed_foot=m.Foot(ros_message.fixed_foot),
+        T_world_foot=np.array(_pose(pose.position, pose.orientation)),
+        has_contact=ros_message.has_contact if ros_message.is_contact_known else None,
+        holding=tuple(m.Foot(foot) for foot in ros_message.holding) if ros_message.is_holding_known else None,
+        wrench=None if np.isnan(wrench).any() else wrench,
+        load_n=_known(ros_message.load_n),
+        margin=_known(ros_message.margin),
+    )
+
+
+def _event(ros_message: Any, seq: int) -> m.Event:
+    return m.Event(
+        stamp_ns=_stamp_ns(ros_message.stamp),
+        seq=seq,
+        frame="",
+        source=ros_message.name,
+        severity=next(severity for severity, level in LOG_LEVELS.items() if level == ros_message.level),
+        text=ros_message.msg,
+        refused_key=ros_message.function,
+    )
+
+
 def _structure(ros_message: Any, seq: int) -> m.StructureDescription:
     return m.StructureDescription(stamp_ns=0, seq=seq, frame="world", urdf=ros_message.data)
 
@@ -131,6 +166,8 @@ def _health(ros_message: Any, seq: int) -> m.Health:
 
 
 _FROM_ROS: dict[type[m.Message], Callable[[Any, int], m.Message]] = {
+    m.LegState: _leg_state,
+    m.Event: _event,
     m.Transforms: _transforms,
     m.LidarScan: _scan,
     m.PointCloud: _cloud,

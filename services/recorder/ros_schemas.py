@@ -27,6 +27,7 @@ string fixed_foot
 geometry_msgs/Pose foot_pose
 bool is_contact_known
 bool has_contact
+bool is_holding_known
 string[] holding
 geometry_msgs/Wrench wrench
 float64 load_n

@@ -21,11 +21,13 @@ class Hits:
     """What each ray (R, C) met first.
 
     range_m: distance from the sensor's origin, inf where nothing was met. body: index of the body, NO_BODY where none.
+    triangle: which of the body's, 0 where none.
     cos_incidence: cosine of the angle between ray and surface normal, 0 where nothing was met.
     """
 
     range_m: NDArray[np.float32]
     body: NDArray[np.int32]
+    triangle: NDArray[np.int32]
     cos_incidence: NDArray[np.float32]
 
 
@@ -79,5 +81,6 @@ class EmbreeRaycaster:
         return Hits(
             range_m=self._min_range_m + met["t_hit"],
             body=np.where(is_hit, met["geometry_ids"].astype(np.int32), NO_BODY),
+            triangle=np.where(is_hit, met["primitive_ids"].astype(np.int32), 0),
             cos_incidence=np.where(is_hit, cosines, np.float32(0.0)),
         )

@@ -1,21 +1,31 @@
-"""The simulated robot: one foot holds on to the structure, the joints move the rest of it."""
+"""The simulated robot: it takes commands, and each step of simulated time says how it stands."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from typing import Any, TypeVar
 
 import numpy as np
 
-from services.sim.joint_targets import resolve_target
+from services.sim.body import Body
+from services.sim.dynamic_body import DynamicBody
+from services.sim.encoders import Encoders
+from services.sim.kinematic_body import KinematicBody
+from services.sim.link_tree import WORLD_FRAME, LinkTree
 from services.sim.motion import JointMotion, plan_motion
-from services.sim.poses import Poses, composed_poses, inverse_poses
-from services.sim.world import World
-from shared.errors import InputFileError
+from services.sim.sim_time import SimTime
+from services.sim.slip import Slip
+from services.sim.stroke_watch import StrokeWatch
+from services.sim.targets import resolve_actuators, resolve_joints
+from shared.errors import InputFileError, RefusedError
 from shared.geometry import SE3
 from shared.messaging.messages import (
     JOINT_NAMES,
+    ActuatorState,
+    ActuatorTarget,
     Clock,
+    Event,
     FixedFootDescription,
     JointState,
     JointTarget,
@@ -24,58 +34,76 @@ from shared.messaging.messages import (
     Measurement,
     Message,
     RobotDescription,
+    Severity,
+    SimAction,
+    SimControl,
     StructureDescription,
     Transforms,
 )
+from shared.robot.actuators import ActuatorGeometry, actuators_from_joints
 from shared.robot.description import UrdfModel
-from shared.robot.kinematics import FOOT_LINKS, HYRECRO
+from shared.robot.kinematics import FOOT_LINKS
+from shared.robot.limits import joint_bounds
+from shared.robot.parallel_module import ModuleGeometry
 from shared.robot.urdf import parse_urdf
-from shared.runtime.config import SimConfig
-from shared.world.structure import Structure, structure_urdf
+from shared.runtime.config import ActuatorConfig, SimConfig
+from shared.world.steel import SteelSurface
+from shared.world.structure import Structure
+from shared.world.urdf_format import structure_urdf
 
 M = TypeVar("M", bound=Measurement)
 
-WORLD_FRAME = "world"
 FIXED_FOOT_FRAME = "fixed_foot"
 """Follows the plate of whichever foot is fixed."""
 
-_CONTACT_DISTANCE_M = 1e-3
-"""A foot this near to steel touches it: assumed, it leaves room for rounded trajectories."""
+_MAX_SLIDE_MPS = 0.05
+"""How fast a core link slides: the velocity limit of the pistons."""
 
 
 class ClimbingSim:
-    """The facade: takes commands, and each `step` advances simulated time by 1 / `config.rate_hz`.
+    """The facade. Commands set a motion off; each `step` advances simulated time by 1 / `config.rate_hz`.
 
-    However the joints move, the fixed foot stands still to 1e-9 m; changing the fixed foot moves no link at all.
+    Mode kinematic: however the joints move, the fixed foot stands still to 1e-9 m; changing it moves no link at all.
+    Mode dynamic: masses, drives and magnets decide, and the robot can fall.
 
-    urdf_text: the robot. mark_text: the URDF of the mark that viewers draw at the fixed
-    foot. source: where `urdf_text` comes from, for errors.
+    urdf_text: the robot. mark_text: the URDF of the mark that viewers draw at the fixed foot. seed: of encoders and
+    slips. source: where `urdf_text` comes from, for errors.
 
     Raises:
         InputFileError: the URDF is malformed, or not of this robot.
     """
 
     def __init__(
-        self, config: SimConfig, urdf_text: str, structure: Structure, mark_text: str, source: str = "robot URDF"
+        self,
+        config: SimConfig,
+        urdf_text: str,
+        structure: Structure,
+        mark_text: str,
+        seed: int = 0,
+        source: str = "robot URDF",
     ) -> None:
         model = parse_urdf(urdf_text, source)
         _check_robot(model, source)
-        by_name = {joint.name: joint for joint in model.joints}
-        self._joints = [by_name[name] for name in JOINT_NAMES]
-        self._max_velocity = np.array([model.limits[name].velocity for name in JOINT_NAMES])
         self._config = config
-        self._urdf_text = urdf_text
-        self._structure = structure
-        self._world = World(urdf_text, JOINT_NAMES, structure)
-        self._tree = _Tree(model, self._world.links)
-        self._mark_text = mark_text
-        self._fixed_foot = config.initial_foot
-        T_world_foot = SE3.from_rpy(np.deg2rad(config.initial_foot_rpy_deg), config.initial_foot_xyz_m)
-        self._T_world_held = T_world_foot @ HYRECRO.T_link_foot(self._fixed_foot).inv()
-        self._motion = JointMotion(np.zeros(len(JOINT_NAMES)), np.zeros(len(JOINT_NAMES)))
-        self._num_steps = self._stamp_ns = 0
+        self._urdf_text, self._mark_text, self._structure = urdf_text, mark_text, structure
+        self._lower, self._upper = joint_bounds(model)
+        self._max_velocity = np.array([model.limits[name].velocity for name in JOINT_NAMES])
+        self._ramp_s = config.dynamics.ramp_s if config.mode == "dynamic" else 0.0
+        self._actuators = actuator_geometry(config.actuators)
+        self._strokes = StrokeWatch(self._actuators)
+        self._time = SimTime(config.rate_hz, config.real_time_factor)
         self._num_sent: Counter[type[Measurement]] = Counter()
-        self._place()
+        encoder_rng, slip_rng = _generators(seed)
+        self._encoders = Encoders(config.encoders, encoder_rng)
+        self._slip = Slip(config.slip, slip_rng)
+        self._body = _build_body(config, urdf_text, model, structure, self._slip)
+        self._tree = LinkTree(model, self._body.links)
+        self._stop(np.zeros(2))
+
+    @property
+    def wall_hz(self) -> float:
+        """How often a second `step` is due on the wall's clock."""
+        return self._time.wall_hz
 
     def start(self) -> list[Message]:
         """The descriptions and the first states, at time zero."""
@@ -85,13 +113,16 @@ class ClimbingSim:
         return [robot, mark, structure, *self._states(), self._leg_state()]
 
     def step(self) -> list[Message]:
-        """The states one step later."""
+        """The states one step later; nothing while simulated time is paused."""
         num_leg_states = self._num_leg_states_due()
-        self._num_steps += 1
-        self._stamp_ns = round(self._num_steps * 1e9 / self._config.rate_hz)
-        self._place()
-        is_leg_state_due = self._num_leg_states_due() > num_leg_states
-        return [*self._states(), self._leg_state()] if is_leg_state_due else self._states()
+        period = self._time.advance()
+        if period is None:
+            return []
+        news = self._body.advance(self._motion.shifted(-self._encoders.bias), *period)
+        messages = self._states()
+        if self._num_leg_states_due() > num_leg_states:
+            messages += [self._leg_state(), *self._events(self._strokes.look(self._true_actuators()))]
+        return messages + self._events(news, Severity.ERROR) + ([self._leg_state()] if news else [])
 
     def set_joint_target(self, target: JointTarget) -> list[Message]:
         """Sets the joints off towards a target, from where they are; the steps that follow carry it out.
@@ -99,76 +130,146 @@ class ClimbingSim:
         Raises:
             RefusedError: the target cannot be reached; the robot goes on with what it was doing.
         """
-        q_end = resolve_target(target, self._joints, self._motion.q_end)
-        q, _ = self._motion.at(self._stamp_ns)
-        self._motion = plan_motion(q, q_end, self._stamp_ns, self._max_velocity, target.duration_s or 0.0)
+        q = resolve_joints(target, self._motion.q_end, self._lower, self._upper)
+        self._set_off(q, self._slides.q_end, target.duration_s)
+        return []
+
+    def set_actuator_target(self, target: ActuatorTarget) -> list[Message]:
+        """Sets the actuators off towards a target, in the same way; the core links slide as they must.
+
+        Raises:
+            RefusedError: the target cannot be reached; the robot goes on with what it was doing.
+        """
+        before = self._motion.q_end, self._slides.q_end
+        q, slides = resolve_actuators(target, *before, self._lower, self._upper, self._actuators)
+        self._set_off(q, slides, target.duration_s)
         return []
 
     def set_fixed_foot(self, target: LegTarget) -> list[Message]:
-        """Fixes the other foot where it is and frees the one that was fixed."""
-        if target.foot is not self._fixed_foot:
-            self._fixed_foot = target.foot
-            self._T_world_held = self._world.T_world(FOOT_LINKS[target.foot])
-        return [self._leg_state()]
+        """Makes a foot the fixed one."""
+        news = self._body.change_foot(target.foot, self._time.stamp_ns)
+        return [self._leg_state(), *self._events(news, Severity.ERROR)]
+
+    def control(self, control: SimControl) -> list[Message]:
+        """Pauses, resumes, steps, resets or seeds the simulation, or changes its pace.
+
+        Raises:
+            RefusedError: see `SimTime.control`; a seed that is negative.
+        """
+        if control.seed is not None and control.seed < 0:
+            raise RefusedError(f"seed is {control.seed}, must not be negative")
+        self._time.control(control)
+        if control.seed is not None:
+            self._reseed(control.seed)
+        if control.action is not SimAction.RESET:
+            return [self._clock()]
+        self._body.reset()
+        self._stop(np.zeros(2))
+        text = "the robot is back at its initial place and posture"
+        return [*self._states(), self._leg_state(), *self._events([text], Severity.INFO)]
 
     def close(self) -> None:
         """Ends the physics engine."""
-        self._world.close()
+        self._body.close()
 
-    def _place(self) -> None:
-        q, dq = self._motion.at(self._stamp_ns)
-        self._world.place(q, dq, FOOT_LINKS[self._fixed_foot], self._T_world_held)
+    def _reseed(self, seed: int) -> None:
+        """New noise, and new biases: the joints stop where they are, which the drives now know as another place."""
+        encoder_rng, slip_rng = _generators(seed)
+        self._encoders = Encoders(self._config.encoders, encoder_rng)
+        self._slip.reseed(slip_rng)
+        self._stop(self._slides.at(self._time.stamp_ns)[0])
+
+    def _stop(self, slides: Any) -> None:
+        q = self._body.q + self._encoders.bias
+        self._motion = JointMotion(q, q)
+        self._slides = JointMotion(slides, slides)
+
+    def _set_off(self, q: Any, slides: Any, duration_s: float | None) -> None:
+        now_ns = self._time.stamp_ns
+        q_now, slides_now = self._motion.at(now_ns)[0], self._slides.at(now_ns)[0]
+        slide_s = float(np.max(np.abs(slides - slides_now))) / _MAX_SLIDE_MPS
+        self._motion = plan_motion(q_now, q, now_ns, self._max_velocity, max(duration_s or 0.0, slide_s), self._ramp_s)
+        self._slides = JointMotion(slides_now, slides, now_ns, self._motion.duration_ns, self._motion.ramp_ns)
 
     def _states(self) -> list[Message]:
-        q, dq = self._motion.at(self._stamp_ns)
+        q, dq = self._encoders.read(self._body.q), self._body.dq
+        slides, dslides = self._slides.at(self._time.stamp_ns)
+        positions, velocities = _actuator_motion(q, dq, slides, dslides, self._actuators)
+        T_parent_child = np.vstack([self._tree.edges(self._body.poses()), self._body.T_world_foot.xyz_quat_xyzw])
         return [
-            self._stamped(JointState, self._tree.root, q=q, dq=dq),
+            self._stamped(JointState, self._tree.root, q=q, dq=dq, effort=self._body.effort),
+            self._stamped(ActuatorState, self._tree.root, positions=positions, velocities=velocities),
             self._stamped(
                 Transforms,
                 WORLD_FRAME,
                 parents=(*self._tree.parents, WORLD_FRAME),
                 children=(*self._tree.children, FIXED_FOOT_FRAME),
-                T_parent_child=np.vstack([self._tree.edges(self._world.poses()), self._T_world_foot.xyz_quat_xyzw]),
+                T_parent_child=T_parent_child,
             ),
-            self._stamped(Clock, ""),
+            self._clock(),
         ]
 
-    @property
-    def _T_world_foot(self) -> SE3:
-        return self._T_world_held @ HYRECRO.T_link_foot(self._fixed_foot)
+    def _true_actuators(self) -> Any:
+        return actuators_from_joints(self._body.q, self._slides.at(self._time.stamp_ns)[0], self._actuators)
+
+    def _clock(self) -> Clock:
+        return self._stamped(Clock, "", real_time_factor=self._time.real_time_factor)
 
     def _leg_state(self) -> LegState:
+        state = self._body.foot_state()
         return self._stamped(
             LegState,
             WORLD_FRAME,
-            fixed_foot=self._fixed_foot,
-            T_world_foot=self._T_world_foot.xyz_quat_xyzw,
-            has_contact=self._world.is_near_steel(FOOT_LINKS[self._fixed_foot], _CONTACT_DISTANCE_M),
+            fixed_foot=state.fixed_foot,
+            T_world_foot=state.T_world_foot.xyz_quat_xyzw,
+            has_contact=state.has_contact,
+            holding=state.holding,
+            wrench=state.wrench,
+            load_n=state.load_n,
+            margin=state.margin,
         )
 
     def _num_leg_states_due(self) -> int:
-        return int(self._num_steps * self._config.leg_state_rate_hz / self._config.rate_hz)
+        return int(self._time.num_periods * self._config.leg_state_rate_hz / self._config.rate_hz)
+
+    def _events(self, texts: Iterable[str], severity: Severity = Severity.WARNING) -> list[Event]:
+        return [self._stamped(Event, "", source="sim", severity=severity, text=text) for text in texts]
 
     def _stamped(self, kind: type[M], frame: str, **fields: Any) -> M:
         seq = self._num_sent[kind]
         self._num_sent[kind] += 1
-        return kind(stamp_ns=self._stamp_ns, seq=seq, frame=frame, **fields)
+        return kind(stamp_ns=self._time.stamp_ns, seq=seq, frame=frame, **fields)
 
 
-class _Tree:
-    """The frame tree: world -> root link, then each joint's parent -> child."""
+def actuator_geometry(config: ActuatorConfig) -> ActuatorGeometry:
+    """The actuators of a configuration."""
+    module = ModuleGeometry(
+        base_half_m=config.base_half_m,
+        platform_half_m=config.platform_half_m,
+        min_piston_m=config.min_piston_m,
+        max_piston_m=config.max_piston_m,
+    )
+    return ActuatorGeometry(module=module, core_link_m=config.core_link_m)
 
-    def __init__(self, model: UrdfModel, links: tuple[str, ...]) -> None:
-        self.root = model.root
-        self.parents = (WORLD_FRAME, *(joint.parent for joint in model.joints))
-        self.children = (model.root, *(joint.child for joint in model.joints))
-        self._parent_rows = [links.index(name) for name in self.parents[1:]]
-        self._child_rows = [links.index(name) for name in self.children[1:]]
 
-    def edges(self, T_world_link: Poses) -> Poses:
-        """T_parent_child (E, 7) of each edge from T_world_link (L, 7) of each link, the root first."""
-        T_parent_world = inverse_poses(T_world_link[self._parent_rows])
-        return np.vstack([T_world_link[0], composed_poses(T_parent_world, T_world_link[self._child_rows])])
+def _generators(seed: int) -> list[np.random.Generator]:
+    """One each for the encoders and the slips, so that neither's draws disturb the other's."""
+    return np.random.default_rng(seed).spawn(2)
+
+
+def _build_body(config: SimConfig, urdf_text: str, model: UrdfModel, structure: Structure, slip: Slip) -> Body:
+    T_world_foot = SE3.from_rpy(np.deg2rad(config.initial_foot_rpy_deg), config.initial_foot_xyz_m)
+    if config.mode == "dynamic":
+        return DynamicBody(urdf_text, model, structure, config, T_world_foot, slip)
+    return KinematicBody(urdf_text, SteelSurface(structure), config.initial_foot, T_world_foot, slip)
+
+
+def _actuator_motion(q: Any, dq: Any, slides: Any, dslides: Any, geometry: ActuatorGeometry) -> tuple[Any, Any]:
+    """Positions and velocities (10,) of the actuators; the velocities by a difference over a millisecond."""
+    half_s = 5e-4
+    times = np.array([[0.0], [-half_s], [half_s]])
+    now, before, after = actuators_from_joints(q + times * dq, slides + times * dslides, geometry)
+    return now, (after - before) / (2 * half_s)
 
 
 def _check_robot(model: UrdfModel, source: str) -> None:

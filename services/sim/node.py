@@ -2,6 +2,8 @@
 
 from services.sim.climbing_sim import ClimbingSim
 from shared.messaging.channels import (
+    ACTUATORS_STATE,
+    ACTUATORS_TARGET,
     CLOCK,
     FIXED_FOOT_DESCRIPTION,
     JOINTS_STATE,
@@ -9,13 +11,14 @@ from shared.messaging.channels import (
     LEG_STATE,
     LEG_TARGET,
     ROBOT_DESCRIPTION,
+    SIM_CONTROL,
     STRUCTURE_DESCRIPTION,
     TF,
 )
 from shared.robot.urdf import read_urdf
 from shared.runtime.config import Config
 from shared.runtime.node import Context, Messages, Node
-from shared.world.structure import load_structure
+from shared.world.files import load_structure
 
 
 def build_node(config: Config, _context: Context) -> Node:
@@ -25,6 +28,7 @@ def build_node(config: Config, _context: Context) -> Node:
         urdf_text=read_urdf(config.robot),
         structure=load_structure(config.structure),
         mark_text=read_urdf(config.fixed_foot_mark),
+        seed=config.seed,
         source=str(config.robot),
     )
 
@@ -34,10 +38,24 @@ def build_node(config: Config, _context: Context) -> Node:
 
     return Node(
         name="sim",
-        inputs={JOINTS_TARGET: sim.set_joint_target, LEG_TARGET: sim.set_fixed_foot},
-        outputs=(JOINTS_STATE, LEG_STATE, TF, CLOCK, ROBOT_DESCRIPTION, FIXED_FOOT_DESCRIPTION, STRUCTURE_DESCRIPTION),
+        inputs={
+            JOINTS_TARGET: sim.set_joint_target,
+            LEG_TARGET: sim.set_fixed_foot,
+            ACTUATORS_TARGET: sim.set_actuator_target,
+            SIM_CONTROL: sim.control,
+        },
+        outputs=(
+            JOINTS_STATE,
+            ACTUATORS_STATE,
+            LEG_STATE,
+            TF,
+            CLOCK,
+            ROBOT_DESCRIPTION,
+            FIXED_FOOT_DESCRIPTION,
+            STRUCTURE_DESCRIPTION,
+        ),
         on_start=sim.start,
         on_timer=sim.step,
         on_stop=stop,
-        timer_hz=config.sim.rate_hz,
+        timer_hz=lambda: sim.wall_hz,
     )

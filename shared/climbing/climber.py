@@ -13,6 +13,9 @@ from shared.messaging.messages import JOINT_NAMES
 from shared.robot.adhesion import MagnetLimits
 from shared.robot.description import UrdfModel
 from shared.robot.limits import joint_bounds
+from shared.robot.urdf import parse_urdf, read_urdf
+from shared.runtime.config import Config
+from shared.world.files import load_structure
 from shared.world.steel import SteelSurface
 from shared.world.structure import Structure
 
@@ -39,3 +42,15 @@ class Climber:
         velocities = np.array([model.limits[name].velocity for name in JOINT_NAMES])
         collisions, holding = CollisionModel(model, structure), Holding.of(model, magnets)
         return cls(lower, upper, velocities, collisions, holding, SteelSurface(structure))
+
+
+def load_climber(config: Config) -> Climber:
+    """The configuration's robot, with its magnets, on the configuration's structure.
+
+    Raises:
+        InputFileError, ConfigError: one of the files is not usable.
+    """
+    magnets = config.sim.magnets
+    limits = MagnetLimits(pull_n=magnets.pull_n, half_width_m=magnets.half_width_m, friction=magnets.friction)
+    model = parse_urdf(read_urdf(config.robot), str(config.robot))
+    return Climber.of(model, load_structure(config.structure), limits)

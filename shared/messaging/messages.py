@@ -390,11 +390,15 @@ class TrackingMetrics(Measurement):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Event(Measurement):
-    """Something people should read: a refusal, a loss, a restart. `source` is the service that says it."""
+    """Something people should read: a refusal, a loss, a fall, a restart. `source` is the service that says it.
+
+    refused_key: the key of the command that was refused; empty where the event is none.
+    """
 
     source: str
     severity: Severity
     text: str
+    refused_key: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

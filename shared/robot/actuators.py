@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shared.geometry import Float
+from shared.messaging.messages import ACTUATOR_NAMES
 from shared.robot.kinematics import HYRECRO, joint_values
 from shared.robot.limits import beyond_limits
 from shared.robot.parallel_module import MODULE, ModuleGeometry, pistons_from_platform, platform_from_pistons
-
-ACTUATOR_NAMES = ("a1_l", "a1_r", "a2_l", "a2_r", "th_a", "th_b", "b2_l", "b2_r", "b1_l", "b1_r")
-"""Pistons of leg A from foot to hip in metres, both turns of the hip in radians, pistons of leg B from hip to foot."""
 
 _LEFT = np.array([0, 2, 6, 8])
 _RIGHT = _LEFT + 1

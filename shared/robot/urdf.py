@@ -1,22 +1,33 @@
 """Reads URDF, strictly: what is missing, malformed or not a tree is an error that names the element.
 
-Written on xml.etree: the libraries for URDF bring trimesh and a dozen packages more, for meshes which we do not use.
+Written on xml.etree: the libraries for URDF bring a dozen packages more and repair silently.
 """
 
 from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections import Counter
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 from shared.errors import InputFileError
+from shared.files import read_text
 from shared.geometry import SE3
+from shared.mesh_files import mesh_path, read_mesh
 from shared.robot.description import Inertia, Joint, Limits, Shape, UrdfModel
-from shared.solids import Box, Cylinder, Solid, Sphere, Vector3
+from shared.solids import Box, Cylinder, Mesh, Solid, Sphere
+from shared.xml_reading import (
+    XmlError,
+    all_positive,
+    attribute,
+    child_of,
+    number,
+    positive,
+    refuse_duplicates,
+    root_of,
+    vector,
+)
 
 
 def read_urdf(path: Path) -> str:
@@ -25,45 +36,36 @@ def read_urdf(path: Path) -> str:
     Raises:
         InputFileError: it cannot be read.
     """
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputFileError(f"{path}: {error}") from error
+    return read_text(path)
 
 
-def parse_urdf(text: str, source: str) -> UrdfModel:
+def parse_urdf(text: str, source: str, folder: Path | None = None) -> UrdfModel:
     """The model of a URDF document; `source` names it in errors (a file or a channel).
+
+    folder: where the relative paths of its meshes begin; without one they must be absolute.
 
     Raises:
         InputFileError: naming source, element and reason.
     """
     try:
-        return _model(text)
-    except (ET.ParseError, _UrdfError) as error:
+        return _model(text, folder)
+    except XmlError as error:
         raise InputFileError(f"{source}: {error}") from error
 
 
-class _UrdfError(ValueError):
-    """What is wrong, without the document's name."""
-
-
-def _model(text: str) -> UrdfModel:
-    if "<!DOCTYPE" in text:
-        raise _UrdfError("a document type declaration is not allowed in URDF")
-    robot = ET.fromstring(text)  # noqa: S314 - without a document type there are no entities to expand
-    if robot.tag != "robot":
-        raise _UrdfError(f"the root element must be <robot>, is <{robot.tag}>")
-    links = tuple(_text(link, "name", "link") for link in robot.findall("link"))
+def _model(text: str, folder: Path | None) -> UrdfModel:
+    robot = root_of(text, "robot")
+    links = tuple(attribute(link, "name", "link") for link in robot.findall("link"))
     joints = tuple(_joint(element) for element in robot.findall("joint"))
-    _refuse_duplicates("link", links)
-    _refuse_duplicates("joint", [joint.name for joint in joints])
+    refuse_duplicates("link", links)
+    refuse_duplicates("joint", [joint.name for joint in joints])
     return UrdfModel(
         name=robot.get("name", ""),
         root=_root(links, joints),
         links=links,
         joints=joints,
-        shapes=_shapes(robot, "visual"),
-        collisions=_shapes(robot, "collision"),
+        shapes=_shapes(robot, "visual", folder),
+        collisions=_shapes(robot, "collision", folder),
         inertias={
             link.get("name", ""): _inertia(link, inertial)
             for link in robot.findall("link")
@@ -72,50 +74,44 @@ def _model(text: str) -> UrdfModel:
     )
 
 
-def _refuse_duplicates(what: str, names: Iterable[str]) -> None:
-    for name, count in Counter(names).items():
-        if count > 1:
-            raise _UrdfError(f"{what} '{name}': defined {count} times")
-
-
 def _root(links: tuple[str, ...], joints: tuple[Joint, ...]) -> str:
     children: dict[str, list[str]] = {link: [] for link in links}
     parent_joint: dict[str, str] = {}
     for joint in joints:
         for link in (joint.parent, joint.child):
             if link not in children:
-                raise _UrdfError(f"joint '{joint.name}': no link '{link}'; links are {', '.join(links)}")
+                raise XmlError(f"joint '{joint.name}': no link '{link}'; links are {', '.join(links)}")
         if joint.child in parent_joint:
-            raise _UrdfError(f"link '{joint.child}': child of both '{parent_joint[joint.child]}' and '{joint.name}'")
+            raise XmlError(f"link '{joint.child}': child of both '{parent_joint[joint.child]}' and '{joint.name}'")
         parent_joint[joint.child] = joint.name
         children[joint.parent].append(joint.child)
     roots = [link for link in links if link not in parent_joint]
     if len(roots) != 1:
-        raise _UrdfError(f"there must be one root link, there are {len(roots)}: {', '.join(roots) or 'a cycle'}")
+        raise XmlError(f"there must be one root link, there are {len(roots)}: {', '.join(roots) or 'a cycle'}")
     reached = list(roots)
     for link in reached:
         reached += children[link]
     if len(reached) != len(links):
-        raise _UrdfError(f"links in a cycle: {', '.join(link for link in links if link not in reached)}")
+        raise XmlError(f"links in a cycle: {', '.join(link for link in links if link not in reached)}")
     return roots[0]
 
 
 def _joint(element: ET.Element) -> Joint:
-    name = _text(element, "name", "joint")
+    name = attribute(element, "name", "joint")
     where = f"joint '{name}'"
-    kind = _text(element, "type", where)
+    kind = attribute(element, "type", where)
     if kind not in ("revolute", "continuous", "prismatic", "fixed"):
-        raise _UrdfError(f"{where}: type '{kind}' is not supported; use revolute, continuous, prismatic or fixed")
-    axis = np.array(_vector(element.find("axis"), "xyz", (1.0, 0.0, 0.0), where))
+        raise XmlError(f"{where}: type '{kind}' is not supported; use revolute, continuous, prismatic or fixed")
+    axis = np.array(vector(element.find("axis"), "xyz", (1.0, 0.0, 0.0), where))
     length = float(np.linalg.norm(axis))
     if length < 1e-6:
-        raise _UrdfError(f"{where}: axis must not be zero")
+        raise XmlError(f"{where}: axis must not be zero")
     x, y, z = (axis / length).tolist()
     return Joint(
         name=name,
         kind=kind,
-        parent=_text(_child(element, "parent", where), "link", f"{where}: parent"),
-        child=_text(_child(element, "child", where), "link", f"{where}: child"),
+        parent=attribute(child_of(element, "parent", where), "link", f"{where}: parent"),
+        child=attribute(child_of(element, "child", where), "link", f"{where}: child"),
         T_parent_joint=_origin(element, where),
         axis=(x, y, z),
         limits=None if kind == "fixed" else _limits(element, kind, where),
@@ -123,99 +119,68 @@ def _joint(element: ET.Element) -> Joint:
 
 
 def _limits(element: ET.Element, kind: str, where: str) -> Limits:
-    limit = _child(element, "limit", where)
+    limit = child_of(element, "limit", where)
     where = f"{where}: limit"
     is_bounded = kind != "continuous"
-    lower = _number(limit, "lower", where) if is_bounded else -math.inf
-    upper = _number(limit, "upper", where) if is_bounded else math.inf
+    lower = number(limit, "lower", where) if is_bounded else -math.inf
+    upper = number(limit, "upper", where) if is_bounded else math.inf
     if lower > upper:
-        raise _UrdfError(f"{where}: lower {lower:g} is above upper {upper:g}")
-    effort = _positive(limit, "effort", where) if limit.get("effort") else math.inf
-    return Limits(lower, upper, _positive(limit, "velocity", where), effort)
+        raise XmlError(f"{where}: lower {lower:g} is above upper {upper:g}")
+    effort = positive(limit, "effort", where) if limit.get("effort") else math.inf
+    return Limits(lower, upper, positive(limit, "velocity", where), effort)
 
 
 def _inertia(link: ET.Element, inertial: ET.Element) -> Inertia:
     where = f"link '{link.get('name', '')}': inertial"
-    mass_kg = _number(_child(inertial, "mass", where), "value", f"{where}: mass")
+    mass_kg = number(child_of(inertial, "mass", where), "value", f"{where}: mass")
     if mass_kg < 0:
-        raise _UrdfError(f"{where}: mass must not be negative, got {mass_kg:g}")
-    inertia = _child(inertial, "inertia", where)
-    xx, xy, xz, yy, yz, zz = (_number(inertia, f"i{key}", where) for key in ("xx", "xy", "xz", "yy", "yz", "zz"))
+        raise XmlError(f"{where}: mass must not be negative, got {mass_kg:g}")
+    inertia = child_of(inertial, "inertia", where)
+    xx, xy, xz, yy, yz, zz = (number(inertia, f"i{key}", where) for key in ("xx", "xy", "xz", "yy", "yz", "zz"))
     moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if np.linalg.eigvalsh(moments).min() < 0:
-        raise _UrdfError(f"{where}: inertia must be positive semi-definite")
+        raise XmlError(f"{where}: inertia must be positive semi-definite")
     return Inertia(mass_kg, _origin(inertial, where), moments)
 
 
-def _shapes(robot: ET.Element, kind: str) -> tuple[Shape, ...]:
-    return tuple(_shape(link, shape, kind) for link in robot.findall("link") for shape in link.findall(kind))
+def _shapes(robot: ET.Element, kind: str, folder: Path | None) -> tuple[Shape, ...]:
+    return tuple(_shape(link, shape, kind, folder) for link in robot.findall("link") for shape in link.findall(kind))
 
 
-def _shape(link: ET.Element, element: ET.Element, kind: str) -> Shape:
+def _shape(link: ET.Element, element: ET.Element, kind: str, folder: Path | None) -> Shape:
     name = link.get("name", "")
     where = f"link '{name}': {kind}"
-    geometries = list(_child(element, "geometry", where))
-    tag = geometries[0].tag if len(geometries) == 1 else f"{len(geometries)} elements"
-    solid: Solid
-    if tag == "box":
-        size = _vector(geometries[0], "size", None, f"{where}: box")
-        if min(size) <= 0:
-            raise _UrdfError(f"{where}: box: size must be positive, got {size}")
-        solid = Box(size)
-    elif tag == "cylinder":
-        radius, length = (_positive(geometries[0], key, f"{where}: cylinder") for key in ("radius", "length"))
-        solid = Cylinder(radius, length)
-    elif tag == "sphere":
-        solid = Sphere(_positive(geometries[0], "radius", f"{where}: sphere"))
-    else:
-        raise _UrdfError(f"{where}: geometry must be one box, cylinder or sphere, is {tag}")
-    return Shape(name, solid, _origin(element, where), element.get("name", ""))
+    geometries = list(child_of(element, "geometry", where))
+    if len(geometries) != 1:
+        raise XmlError(f"{where}: geometry must be one box, cylinder, sphere or mesh, is {len(geometries)} elements")
+    return Shape(name, _solid(geometries[0], where, folder), _origin(element, where), element.get("name", ""))
+
+
+def _solid(element: ET.Element, where: str, folder: Path | None) -> Solid:
+    at = f"{where}: {element.tag}"
+    match element.tag:
+        case "box":
+            size = vector(element, "size", None, at)
+            all_positive(list(size), f"{at}: size")
+            return Box(size)
+        case "cylinder":
+            return Cylinder(positive(element, "radius", at), positive(element, "length", at))
+        case "sphere":
+            return Sphere(positive(element, "radius", at))
+        case "mesh":
+            return _mesh(element, at, folder)
+    raise XmlError(f"{where}: geometry must be one box, cylinder, sphere or mesh, is {element.tag}")
+
+
+def _mesh(element: ET.Element, where: str, folder: Path | None) -> Mesh:
+    scale = vector(element, "scale", (1.0, 1.0, 1.0), where)
+    try:
+        return read_mesh(mesh_path(attribute(element, "filename", where), folder), scale)
+    except (ValueError, InputFileError) as error:
+        raise XmlError(f"{where}: {error}") from error
 
 
 def _origin(element: ET.Element, where: str) -> SE3:
     origin = element.find("origin")
     zero = (0.0, 0.0, 0.0)
-    return SE3.from_rpy(_vector(origin, "rpy", zero, where), _vector(origin, "xyz", zero, where))
-
-
-def _child(element: ET.Element, tag: str, where: str) -> ET.Element:
-    child = element.find(tag)
-    if child is None:
-        raise _UrdfError(f"{where}: <{tag}> is missing")
-    return child
-
-
-def _text(element: ET.Element, key: str, where: str) -> str:
-    value = element.get(key)
-    if not value:
-        raise _UrdfError(f"{where}: attribute '{key}' is missing")
-    return value
-
-
-def _number(element: ET.Element, key: str, where: str) -> float:
-    return _finite(_text(element, key, where), 1, f"{where}: {key}")[0]
-
-
-def _positive(element: ET.Element, key: str, where: str) -> float:
-    value = _number(element, key, where)
-    if value <= 0:
-        raise _UrdfError(f"{where}: {key} must be positive, got {value:g}")
-    return value
-
-
-def _vector(element: ET.Element | None, key: str, default: Vector3 | None, where: str) -> Vector3:
-    if default is not None and (element is None or element.get(key) is None):
-        return default
-    assert element is not None
-    x, y, z = _finite(_text(element, key, where), 3, f"{where}: {key}")
-    return x, y, z
-
-
-def _finite(text: str, count: int, where: str) -> list[float]:
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        values = []
-    if len(values) != count or not all(map(math.isfinite, values)):
-        raise _UrdfError(f"{where}: needs {count} finite number{'s' if count > 1 else ''}, got '{text}'")
-    return values
+    return SE3.from_rpy(vector(origin, "rpy", zero, where), vector(origin, "xyz", zero, where))

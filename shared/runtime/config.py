@@ -44,16 +44,89 @@ class BusConfig(Section):
     """Size of each process's pool for large messages; 0 switches shared memory off."""
 
 
+class EncoderConfig(Section):
+    """How the joints' encoders err; standard deviations. A bias is drawn once a run, noise at every reading."""
+
+    bias_rad: float = Field(0.0, ge=0, le=1)
+    noise_rad: float = Field(0.0, ge=0, le=1)
+    piston_bias_m: float = Field(0.0, ge=0, le=0.1)
+    piston_noise_m: float = Field(0.0, ge=0, le=0.1)
+
+
+class SlipConfig(Section):
+    """How far a foot slides when it takes hold; standard deviations."""
+
+    slide_m: float = Field(0.0, ge=0, le=0.1)
+    """Along each of the sole's axes."""
+    turn_deg: float = Field(0.0, ge=0, le=45)
+
+
+class MagnetConfig(Section):
+    """When a foot takes hold of steel, and what it bears."""
+
+    pull_n: float = Field(323.7, gt=0, le=100_000)
+    """33 kg a leg, as published for the robot's switchable magnets."""
+    half_width_m: float = Field(0.05, gt=0, le=1)
+    """From the sole's centre to the edge about which it tilts."""
+    friction: float = Field(0.5, gt=0, le=5)
+    """Of the sole on steel: assumed."""
+    max_gap_m: float = Field(0.002, gt=0, le=0.02)
+    max_angle_deg: float = Field(2.0, gt=0, le=45)
+    """A foot takes hold within this gap and angle of steel, below its whole sole: assumed."""
+    overlap_s: float = Field(0.2, ge=0, le=10)
+    """How long both feet hold at a change."""
+
+
+class DynamicsConfig(Section):
+    """The physics of mode `dynamic`. Masses, inertias, velocity and effort limits are those of the URDF."""
+
+    gravity_mps2: float = Field(9.81, ge=0, le=100)
+    step_hz: float = Field(1000.0, ge=100, le=10_000)
+    num_solver_iterations: int = Field(100, ge=1, le=10_000)
+    ramp_s: float = Field(0.2, gt=0, le=10)
+    """The drives take this long from rest to their velocity limit."""
+    bandwidth_hz: float = Field(10.0, gt=0, le=100)
+    """How quickly the drives take away what is left of an error."""
+    sole_stiffness_n_per_m: float = Field(5e4, gt=0, le=1e9)
+    sole_damping_ns_per_m: float = Field(500.0, ge=0, le=1e6)
+    """Of each point at which a sole that does not hold touches steel: assumed, a layer of hard rubber."""
+
+
+class ActuatorConfig(Section):
+    """The parallel modules of the legs; lengths remembered from the robot's papers, to be measured on the prototype."""
+
+    base_half_m: float = Field(0.04, gt=0, le=1)
+    platform_half_m: float = Field(0.04, gt=0, le=1)
+    min_piston_m: float = Field(0.19, gt=0, le=10)
+    max_piston_m: float = Field(0.25, gt=0, le=10)
+    core_link_m: float = Field(0.245, ge=0, le=10)
+    """Pistons at mid-stroke then mean q2 = q7 = 0."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> ActuatorConfig:
+        if self.min_piston_m >= self.max_piston_m:
+            raise ValueError(f"min_piston_m {self.min_piston_m} must be below max_piston_m {self.max_piston_m}")
+        return self
+
+
 class SimConfig(Section):
     """The simulated robot and world."""
 
-    mode: Literal["kinematic"] = "kinematic"
+    mode: Literal["kinematic", "dynamic"] = "kinematic"
+    """Kinematic: the fixed foot holds, the joints are where they are told. Dynamic: masses, drives, magnets, falls."""
     rate_hz: float = Field(100.0, ge=10, le=1000)
+    real_time_factor: float = Field(1.0, ge=0.01, le=100)
+    """Seconds of simulated time a second, where the machine can."""
     leg_state_rate_hz: float = Field(10.0, gt=0, le=100)
     initial_foot: Foot = Foot.A
     initial_foot_xyz_m: Vector3 = (0.0, -0.775, 10.105)
     """Plate centre of the fixed foot in the world; 10.105 puts its sole on the bar's top at 10.1."""
     initial_foot_rpy_deg: Vector3 = (0.0, 0.0, 90.0)
+    encoders: EncoderConfig = EncoderConfig()
+    slip: SlipConfig = SlipConfig()
+    actuators: ActuatorConfig = ActuatorConfig()
+    magnets: MagnetConfig = MagnetConfig()
+    dynamics: DynamicsConfig = DynamicsConfig()
 
 
 class LidarConfig(Section):
@@ -132,6 +205,11 @@ class PlayerConfig(Section):
 
     trajectory: InputFile = Path("trajectories/climb.csv")
     rate_hz: float = Field(9.0, gt=0, le=1000)
+    """Commands a second of simulated time."""
+    speed_radps: float | None = Field(0.3, gt=0, le=10)
+    """Of the joint with the longest way; a piston's metre counts as 10 rad. None: each row takes num_steps commands."""
+    ramp_s: float = Field(0.5, ge=0, le=60)
+    """With a speed, each row takes this long to reach it and to stop."""
     num_steps: int = Field(100, ge=1, le=100_000)
     position_tolerance: float = Field(1e-3, gt=0, le=1)
     """A target is reached when every joint is this near: radians, metres for q2 and q7."""
@@ -145,6 +223,8 @@ class PlannerConfig(Section):
     """Intermediate targets a second of simulated time."""
     speed_share: float = Field(0.5, gt=0, le=1)
     """Of the joints' velocity limits."""
+    ramp_s: float = Field(0.2, ge=0, le=60)
+    """Lift, transfer and landing each take this long to get up to speed, and to stop."""
     lift_m: float = Field(0.03, ge=0.01, le=0.2)
     """A foot leaves and lands along its normal by this, or less where there is no room."""
     min_margin: float = Field(0.0, ge=-10, le=1)

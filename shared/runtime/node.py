@@ -27,9 +27,10 @@ class Node:
 
     inputs: channel -> facade method; it gets the decoded message and returns the messages that follow from it. On a
     command channel it may raise RefusedError. outputs: the channels the returned messages go to, by message type (one
-    channel a type). on_start, on_timer (at `timer_hz`, wall time) and on_stop return messages in the same way.
-    is_done: whether the service has finished by itself. is_observer: it only watches: it takes every message of every
-    input through one bounded queue, also where the channel says LATEST, and leaves commands to others to answer.
+    channel a type). on_start, on_timer and on_stop return messages in the same way; an Event gets its `seq` from the
+    runner, which says events too. timer_hz: of the wall's clock; a function is asked anew each time. is_done: whether
+    the service has finished by itself. is_observer: it only watches: it takes every message of every input through one
+    bounded queue, also where the channel says LATEST, and leaves commands to others to answer.
     """
 
     name: str
@@ -39,7 +40,7 @@ class Node:
     on_timer: Callable[[], Messages] = _nothing
     on_stop: Callable[[], Messages] = _nothing
     is_done: Callable[[], bool] = _never
-    timer_hz: float | None = None
+    timer_hz: float | Callable[[], float] | None = None
     is_observer: bool = False
 
 

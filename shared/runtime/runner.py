@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import signal
 import sys
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 
@@ -31,6 +33,7 @@ log = structlog.get_logger()
 
 BuildNode = Callable[[Config, Context], Node]
 
+_LOG_LEVELS = {Severity.INFO: logging.INFO, Severity.WARNING: logging.WARNING, Severity.ERROR: logging.ERROR}
 _HEALTH_PERIOD_S = 1.0
 _MAX_WAIT_S = 0.1
 _DRAIN_QUIET_S = 0.3
@@ -155,10 +158,9 @@ class ServiceLoop:
             log.info("stopped")
 
     def _serve(self, is_stopping: Callable[[], bool]) -> None:
-        period_s = 1.0 / self._node.timer_hz if self._node.timer_hz else None
         due_s = time.monotonic()
         while not (is_stopping() or self._node.is_done()):
-            now_s = time.monotonic()
+            now_s, period_s = time.monotonic(), self._timer_period_s()
             if period_s is not None and now_s >= due_s:
                 self._timed(lambda: self._send(self._node.on_timer()))
                 due_s = due_s + period_s if now_s - due_s < _MAX_TIMER_DELAY_S else now_s + period_s
@@ -167,6 +169,11 @@ class ServiceLoop:
             wait_s = _MAX_WAIT_S if period_s is None else min(_MAX_WAIT_S, max(0.0, due_s - time.monotonic()))
             if (parcel := self._inbox.take(wait_s)) is not None:
                 self._timed(lambda parcel=parcel: self._handle(parcel))  # type: ignore[misc]
+
+    def _timer_period_s(self) -> float | None:
+        timer_hz = self._node.timer_hz
+        timer_hz = timer_hz() if callable(timer_hz) else timer_hz
+        return 1.0 / timer_hz if timer_hz else None
 
     def _drain(self) -> None:
         """What was sent before the end was asked for may still be under way: it is taken until nothing more comes."""
@@ -194,24 +201,28 @@ class ServiceLoop:
 
     def _refuse(self, parcel: Parcel, reason: str) -> None:
         self._traffic.refused(parcel.key)
-        log.warning("refused", reason=reason)
         if parcel.channel is EVENTS:
+            log.warning("refused", reason=reason)
             return  # an event about an event could be refused in turn, without end
         event = Event(
             stamp_ns=self._traffic.stamp_ns,
-            seq=self._num_events,
+            seq=0,
             frame="",
             source=self._node.name,
             severity=Severity.WARNING,
             text=reason,
+            refused_key=parcel.key if parcel.channel.is_command else "",
         )
-        self._num_events += 1
         self._send([event])
         if parcel.reply is not None:
             parcel.reply(False, reason)
 
     def _send(self, messages: Iterable[Message]) -> None:
         for message in messages:
+            if isinstance(message, Event):
+                message = replace(message, seq=self._num_events)
+                self._num_events += 1
+                log.log(_LOG_LEVELS[message.severity], "refused" if message.refused_key else "event", text=message.text)
             channel = self._routes[type(message)]
             self._bus.publish(channel, message)
             seq, stamp_ns = (message.seq, message.stamp_ns) if isinstance(message, Measurement) else (None, None)

@@ -57,8 +57,10 @@ def test_named_files_exist(document):
 def test_every_setting_has_its_unit_or_is_a_plain_number():
     text = (CONFIGS_DIR / "default.yaml").read_text()
     numbers = re.findall(r"^\s*(\w+): -?[\d.]+", text, re.MULTILINE)
-    units = ("_m", "_s", "_hz", "_deg", "_mib", "_kib")
-    is_plain = re.compile(r"num_\w+|max_iterations|max_map_points|seed|\w*(tolerance|score|novelty|share|margin)")
+    units = ("_m", "_s", "_hz", "_deg", "_mib", "_kib", "_rad", "_n", "_mps2", "_radps", "_per_m")
+    is_plain = re.compile(
+        r"num_\w+|max_iterations|max_map_points|seed|\w*(tolerance|score|novelty|factor|friction|share|margin)"
+    )
     assert [name for name in numbers if not (name.endswith(units) or is_plain.fullmatch(name))] == []
 
 

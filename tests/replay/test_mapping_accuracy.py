@@ -13,7 +13,8 @@ from shared.messaging.messages import MapStatus, Odometry
 from shared.robot.urdf import parse_urdf
 from shared.runtime.config import Config
 from shared.runtime.config_loading import load_config
-from shared.world.structure import load_structure, structure_urdf
+from shared.world.files import load_structure
+from shared.world.urdf_format import structure_urdf
 from tests.support.scans import climb
 
 

@@ -25,7 +25,7 @@ from shared.messaging.messages import (
 )
 from shared.robot.urdf import read_urdf
 from shared.runtime.config import CONFIGS_DIR, Config
-from shared.world.structure import load_structure
+from shared.world.files import load_structure
 
 
 def climb(config: Config, trajectory: Path, num_rows: int, seconds_a_move: float) -> Iterator[tuple[LidarScan, SE3]]:

@@ -103,8 +103,8 @@ def test_our_robot_has_the_limits_of_its_data_sheet():
         ('velocity="3"', 'velocity="fast"', "limit: velocity: needs 1 finite number, got 'fast'"),
         ('<limit velocity="5" effort="1"/>', "", "joint 'spin': <limit> is missing"),
         ('size="1 2 3"', 'size="1 2 -3"', "link 'base': visual: box: size must be positive"),
-        ('<sphere radius="0.5"/>', '<mesh filename="a.stl"/>', "must be one box, cylinder or sphere, is mesh"),
-        ('<sphere radius="0.5"/>', "", "must be one box, cylinder or sphere, is 0 elements"),
+        ('<sphere radius="0.5"/>', '<mesh filename="a.stl"/>', "mesh: 'a.stl': the path must be absolute here"),
+        ('<sphere radius="0.5"/>', "", "must be one box, cylinder, sphere or mesh, is 0 elements"),
         ('length="0.2"', "", "link 'hand': visual: cylinder: attribute 'length' is missing"),
     ],
 )

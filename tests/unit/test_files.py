@@ -1,7 +1,9 @@
 import numpy as np
+import pytest
 from pypcd4 import PointCloud
 
-from shared.files import write_pcd, write_tum
+from shared.errors import InputFileError
+from shared.files import read_text, write_pcd, write_tum
 from shared.geometry import SE3
 
 
@@ -21,3 +23,9 @@ def test_tum_keeps_every_digit(tmp_path):
     assert stamp == "1.000000001"
     assert [float(value) for value in values] == pose.xyz_quat_xyzw.tolist()
     assert second == "2.500000000 0.0 0.0 0.0 0.0 0.0 0.0 1.0"
+
+
+def test_a_file_that_is_no_text_is_named(tmp_path):
+    (tmp_path / "a.xml").write_bytes(b"\xff\xfe")
+    with pytest.raises(InputFileError, match=r"a\.xml: not UTF-8 text: "):
+        read_text(tmp_path / "a.xml")

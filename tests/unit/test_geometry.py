@@ -124,6 +124,12 @@ def test_values_cannot_be_changed():
         SE3.identity().translation[0] = 1.0
 
 
+@given(*[st.one_of(st.floats(-np.pi, np.pi), st.sampled_from([np.pi / 2, -np.pi / 2, np.pi, 1.57]))] * 3)
+def test_roll_pitch_yaw_are_read_back_also_at_the_poles(roll, pitch, yaw):
+    T = SE3.from_rpy([roll, pitch, yaw])
+    np.testing.assert_allclose(SE3.from_rpy(T.rpy_rad).rotation, T.rotation, rtol=0, atol=1e-14)
+
+
 @given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 1e-3))
 def test_a_frame_from_its_z_axis(z_axis):
     T = SE3.from_z_axis(z_axis, (1, 2, 3))

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.sim.world import World
+from services.sim.engine import Engine
 from shared.geometry import SE3
 from shared.messaging.messages import JOINT_NAMES, Foot
 from shared.robot.kinematics import (
@@ -19,7 +19,6 @@ from shared.robot.kinematics import (
 )
 from shared.robot.urdf import parse_urdf, read_urdf
 from shared.runtime.config import CONFIGS_DIR
-from shared.world.structure import Structure
 
 URDF = read_urdf(CONFIGS_DIR / "robot" / "hyrecro.urdf")
 MODEL = parse_urdf(URDF, "hyrecro.urdf")
@@ -77,7 +76,7 @@ def test_the_urdf_has_the_same_frames(q):
 
 
 def test_the_physics_engine_has_the_same_frames():
-    world = World(URDF, JOINT_NAMES, Structure("empty", (), None))
+    world = Engine(URDF, JOINT_NAMES)
     rng = np.random.default_rng(1)
     for q in rng.uniform(-1, 1, (20, 8)) * (1.5, 0.025, 1.5, 3.2, 3.2, 1.5, 0.025, 1.5):
         world.place(q, np.zeros(8), FOOT_LINKS[Foot.A], SE3.identity())

@@ -3,15 +3,9 @@ import pytest
 
 from services.sensors.bodies import link_meshes
 from shared.geometry import SE3
-from shared.meshes import mesh_of
+from shared.meshes import area_m2, is_closed, mesh_of, volume_m3
 from shared.robot.description import Shape
-from shared.solids import Box, Cylinder, Sphere
-
-
-def volume_m3(mesh):
-    """By the divergence theorem: right only if the mesh is closed and wound outwards."""
-    a, b, c = (mesh.vertices_m[mesh.triangles[:, i]] for i in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+from shared.solids import Box, Cylinder, Mesh, Sphere
 
 
 @pytest.mark.parametrize(
@@ -23,7 +17,22 @@ def volume_m3(mesh):
     ],
 )
 def test_meshes_are_closed_and_wound_outwards(solid, expected_m3, tolerance):
-    assert volume_m3(mesh_of(solid)) == pytest.approx(expected_m3, rel=tolerance)
+    mesh = mesh_of(solid)
+    assert volume_m3(mesh) == pytest.approx(expected_m3, rel=tolerance)
+    assert volume_m3(mesh.moved(SE3.trans(1e3))) == pytest.approx(expected_m3, rel=tolerance)
+    assert volume_m3(Mesh(mesh.vertices_m, mesh.triangles[:, ::-1])) == pytest.approx(-expected_m3, rel=tolerance)
+
+
+def test_a_mesh_is_closed_if_each_edge_has_its_neighbour():
+    mesh = mesh_of(Box((1.0, 2.0, 3.0)))
+    assert is_closed(mesh)
+    assert not is_closed(Mesh(mesh.vertices_m, mesh.triangles[1:]))
+    assert not is_closed(Mesh(mesh.vertices_m, np.concatenate([mesh.triangles, mesh.triangles])))
+    assert not is_closed(Mesh(mesh.vertices_m, np.concatenate([mesh.triangles[:1, ::-1], mesh.triangles[1:]])))
+
+
+def test_the_area_of_a_box():
+    assert area_m2(mesh_of(Box((1.0, 2.0, 3.0)))) == pytest.approx(22.0)
 
 
 def test_shapes_of_a_link_become_one_mesh_in_its_frame():

@@ -60,3 +60,22 @@ def test_a_new_target_on_the_way_makes_no_jump(start, end, new_end, share):
 @pytest.mark.parametrize("duration_s", [1e-12, 86_400.0])
 def test_extreme_durations_stay_integers(duration_s):
     assert isinstance(plan_motion(np.zeros(2), np.zeros(2), 0, MAX_VELOCITY, duration_s).duration_ns, int)
+
+
+def test_with_ramps_it_speeds_up_and_slows_down_evenly():
+    motion = plan_motion(np.zeros(2), np.array([1.0, -0.5]), 0, np.array([1.0, 1.0]), ramp_s=0.2)
+    assert motion.duration_ns == 1_200_000_000
+    shares = {0: 0.0, 100: 0.025, 200: 0.1, 600: 0.5, 1000: 0.9, 1100: 0.975, 1200: 1.0}
+    for stamp_ms, share in shares.items():
+        np.testing.assert_allclose(motion.at(stamp_ms * 1_000_000)[0], [share, -0.5 * share], atol=1e-12)
+    velocities = [motion.at(stamp_ms * 1_000_000)[1][0] for stamp_ms in (0, 100, 200, 600, 1100)]
+    np.testing.assert_allclose(velocities, [0.0, 0.5, 1.0, 1.0, 0.5], atol=1e-12)
+
+
+def test_a_short_way_is_all_ramp_and_a_stream_has_none():
+    short = plan_motion(np.zeros(1), np.array([0.01]), 0, np.ones(1), ramp_s=0.2)
+    assert (short.duration_ns, short.ramp_ns) == (400_000_000, 200_000_000)
+    streamed = plan_motion(np.zeros(1), np.array([0.01]), 0, np.ones(1), duration_s=0.1, ramp_s=0.2)
+    assert (streamed.duration_ns, streamed.ramp_ns) == (100_000_000, 0)
+    still = plan_motion(np.ones(1), np.ones(1), 0, np.ones(1), ramp_s=0.2)
+    assert still.at(0)[0] == 1.0

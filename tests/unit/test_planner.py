@@ -8,6 +8,7 @@ from shared.climbing.climber import Climber
 from shared.climbing.stance import Stance
 from shared.errors import RefusedError
 from shared.geometry import SE3
+from shared.messaging.channels import JOINTS_TARGET, SIM_CONTROL
 from shared.messaging.messages import (
     Event,
     Foot,
@@ -167,21 +168,28 @@ def test_one_step_at_a_time_and_none_without_a_robot(robot):
         StepPlanner(PlannerConfig(), CLIMBER, seed=1).add_foot_target(NEXT)
 
 
-def event(source, severity):
-    return Event(stamp_ns=0, seq=0, frame="", source=source, severity=severity, text="q1 is too big")
+def event(source="sim", severity=Severity.WARNING, key=JOINTS_TARGET.key_expr):
+    return Event(stamp_ns=0, seq=0, frame="", source=source, severity=severity, text="q1 is too big", refused_key=key)
 
 
 def test_a_refusal_by_the_simulation_ends_the_step(robot):
     robot.take(robot.planner.add_foot_target(NEXT))
     robot.tick(10)
-    assert robot.planner.add_event(event("player", Severity.WARNING)) == []
-    assert robot.planner.add_event(event("sim", Severity.INFO)) == []
-    robot.take(robot.planner.add_event(event("sim", Severity.WARNING)))
+    assert robot.planner.add_event(event(source="player")) == []
+    assert robot.planner.add_event(event(key="")) == []
+    assert robot.planner.add_event(event(key=SIM_CONTROL.key_expr)) == []
+    robot.take(robot.planner.add_event(event()))
     assert (robot.statuses[-1].phase, robot.statuses[-1].text) == (FootPhase.FAILED, "q1 is too big")
     num_sent = len(robot.targets)
     robot.tick(50)
     assert len(robot.targets) == num_sent
-    assert robot.planner.add_event(event("sim", Severity.WARNING)) == []
+    assert robot.planner.add_event(event()) == []
+
+
+def test_a_fall_ends_the_step(robot):
+    robot.take(robot.planner.add_foot_target(NEXT))
+    robot.take(robot.planner.add_event(event(severity=Severity.ERROR, key="")))
+    assert robot.statuses[-1].phase is FootPhase.FAILED
 
 
 def test_someone_elses_change_of_foot_and_a_reset_stop_the_step(robot):
@@ -224,13 +232,31 @@ def test_noisy_encoders_do_not_keep_a_step_from_ending(robot):
     assert robot.statuses[-1].phase is FootPhase.DONE
 
 
+def three_lines(ramp_s):
+    q = np.zeros((4, 8))
+    q[1:, 0], q[2:, 6], q[3, 1] = 0.2, 0.02, 0.01
+    plan = StepPlan(Stance(Foot.A, SE3.identity()), SE3.identity(), q[:2], q[1:3], q[2:], 1.0)
+    return q, Schedule(plan, np.array([1, 0.05, 1, 1, 1, 1, 0.05, 1]), 0.5, ramp_s)
+
+
 def test_the_slowest_joint_sets_the_pace():
-    q = np.zeros((3, 8))
-    q[1, 0], q[2, 0], q[2, 6] = 0.2, 0.3, 0.02
-    plan = StepPlan(Stance(Foot.A, SE3.identity()), SE3.identity(), q[:2], q[1:], q[2:], 1.0)
-    schedule = Schedule(plan, np.array([1, 0.05, 1, 1, 1, 1, 0.05, 1]), 0.5)
-    assert schedule.duration_s == pytest.approx(0.2 / 0.5 + 0.02 / 0.025)
+    q, schedule = three_lines(0.0)
+    assert schedule.duration_s == pytest.approx(0.4 + 0.8 + 0.4)
     assert schedule.q_at(0.2) == pytest.approx(0.5 * q[1])
     assert schedule.q_at(0.8)[6] == pytest.approx(0.01)
-    assert schedule.q_at(9.0) == pytest.approx(q[2])
-    assert [schedule.phase_at(t) for t in (0.0, 0.4, 0.5)] == [FootPhase.LIFT, FootPhase.LIFT, FootPhase.TRANSFER]
+    assert schedule.q_at(9.0) == pytest.approx(q[3])
+    assert schedule.q_end == pytest.approx(q[3])
+    phases = [schedule.phase_at(t) for t in (0.0, 0.4, 0.5, 1.3, 9.0)]
+    assert phases == [FootPhase.LIFT, FootPhase.LIFT, FootPhase.TRANSFER, FootPhase.LANDING, FootPhase.LANDING]
+
+
+def test_each_phase_starts_and_ends_at_rest():
+    q, schedule = three_lines(0.2)
+    assert schedule.duration_s == pytest.approx(0.6 + 1.0 + 0.6)
+    times_s = np.linspace(0, schedule.duration_s, 2201)
+    path = np.array([schedule.q_at(t) for t in times_s])
+    speed = np.abs(np.diff(path, axis=0)).max(axis=1) / np.diff(times_s)
+    assert speed[[0, 599, 600, 1599, 1600, -1]] == pytest.approx(0, abs=0.003)
+    assert speed.max() <= 0.5 + 1e-9
+    assert schedule.q_at(0.6) == pytest.approx(q[1])
+    assert schedule.q_at(1.6) == pytest.approx(q[2])

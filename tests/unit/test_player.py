@@ -7,87 +7,128 @@ from shared.errors import PlaybackError
 from shared.messaging.messages import Event, Foot, JointState, JointTarget, LegState, LegTarget, Severity
 from shared.runtime.config import PlayerConfig
 
-CONFIG = PlayerConfig(num_steps=4, rate_hz=10.0, timeout_s=1.0)
+CONFIG = PlayerConfig(num_steps=4, speed_radps=None, rate_hz=10.0, timeout_s=1.0)
 MOVE = MoveTo(np.full(8, 0.4), line=2)
+PERIOD_NS = 100_000_000
 
 
-def joints(value):
-    return JointState(stamp_ns=0, seq=0, frame="foot_a", q=np.full(8, value), dq=np.zeros(8))
+class Robot:
+    """Tells a player where the joints are, one period of the player's later each time."""
+
+    def __init__(self, *moves, config=CONFIG):
+        self.player = Player(config, moves)
+        self.num_periods = 0
+
+    def is_at(self, value):
+        stamp_ns = self.num_periods * PERIOD_NS
+        self.num_periods += 1
+        q = np.full(8, value)
+        return self.player.add_joint_state(JointState(stamp_ns=stamp_ns, seq=0, frame="foot_a", q=q, dq=np.zeros(8)))
+
+    def stands_on(self, foot):
+        pose = np.array([0, 0, 0, 0, 0, 0, 1])
+        state = LegState(stamp_ns=0, seq=0, frame="world", fixed_foot=foot, T_world_foot=pose)
+        assert self.player.add_leg_state(state) == []
 
 
-def leg(foot):
-    pose = [0, 0, 0, 0, 0, 0, 1]
-    return LegState(stamp_ns=0, seq=0, frame="world", fixed_foot=foot, T_world_foot=np.array(pose))
+def standing_robot(*moves, config=CONFIG):
+    robot = Robot(*moves, config=config)
+    robot.stands_on(Foot.A)
+    return robot
 
 
-def ready_player(*moves):
-    player = Player(CONFIG, moves)
-    player.add_joint_state(joints(0.0))
-    player.add_leg_state(leg(Foot.A))
-    return player
-
-
-def wait_long(player):
+def wait_long(robot):
     for _ in range(20):
-        player.tick()
+        robot.is_at(0.0)
 
 
-def test_says_nothing_before_the_state_is_known():
-    assert Player(CONFIG, (MOVE,)).tick() == []
+def test_says_nothing_before_the_fixed_foot_is_known():
+    assert Robot(MOVE).is_at(0.0) == []
 
 
 def test_steps_are_equal_and_end_at_the_target():
-    player = ready_player(MOVE)
-    commands = [command for _ in range(4) for command in player.tick()]
+    robot = standing_robot(MOVE)
+    commands = [command for _ in range(4) for command in robot.is_at(0.0)]
     assert all(isinstance(command, JointTarget) and command.duration_s == 0.1 for command in commands)
     np.testing.assert_allclose([command.q[0] for command in commands], [0.1, 0.2, 0.3, 0.4])
 
 
+def test_with_a_speed_the_longest_way_decides_how_long_a_row_takes():
+    config = CONFIG.model_copy(update={"speed_radps": 0.5, "ramp_s": 0.4})
+    robot = standing_robot(MoveTo(np.array([0.4, 0.1, 0, 0, 0, 0, 0, 0]), line=2), config=config)
+    commands = [command for _ in range(30) for command in robot.is_at(0.0)]
+    assert len(commands) == 24  # 0.1 m count as 1 rad, which takes 2 s, and a ramp
+    pistons = np.array([0.0, *(command.q[1] for command in commands)])
+    np.testing.assert_allclose(np.diff(pistons)[4:-4], 0.005)
+    np.testing.assert_allclose(np.diff(pistons)[:4], np.array([1, 3, 5, 7]) / 8 * 0.005)
+    np.testing.assert_allclose(np.diff(pistons)[-4:], np.array([7, 5, 3, 1]) / 8 * 0.005)
+    assert pistons[-1] == 0.1
+
+
+def test_between_its_periods_and_while_time_stands_still_nothing_is_said():
+    robot = standing_robot(MOVE)
+    assert len(robot.is_at(0.0)) == 1
+    same = JointState(stamp_ns=PERIOD_NS // 2, seq=0, frame="foot_a", q=np.zeros(8), dq=np.zeros(8))
+    assert [robot.player.add_joint_state(same) for _ in range(50)] == [[]] * 50
+
+
 def test_waits_until_the_robot_has_arrived():
-    player = ready_player(MOVE)
+    robot = standing_robot(MOVE)
     for _ in range(6):
-        player.tick()
-    assert not player.is_done
-    player.add_joint_state(joints(0.3995))
-    assert player.tick() == []
-    assert player.is_done
-    assert player.progress == 1.0
+        robot.is_at(0.0)
+    assert not robot.player.is_done
+    assert robot.is_at(0.3995) == []
+    assert robot.player.is_done
+    assert robot.player.progress == 1.0
 
 
-def test_the_next_move_begins_in_the_tick_of_arrival():
-    player = ready_player(MOVE, MoveTo(np.zeros(8), line=3))
+def test_the_next_move_begins_where_the_last_one_ended():
+    robot = standing_robot(MOVE, MoveTo(np.zeros(8), line=3))
     for _ in range(4):
-        player.tick()
-    player.add_joint_state(joints(0.4))
-    (command,) = player.tick()
+        robot.is_at(0.0)
+    assert robot.is_at(0.4) == [], "the last command takes a period"
+    (command,) = robot.is_at(0.4)
     assert command.q[0] == pytest.approx(0.3)
 
 
 def test_a_foot_change_is_said_once_and_awaited():
-    player = ready_player(ChangeFoot(line=2))
-    assert player.tick() == [LegTarget(foot=Foot.B)]
-    assert player.tick() == []
-    player.add_leg_state(leg(Foot.B))
-    assert player.tick() == []
-    assert player.is_done
+    robot = standing_robot(ChangeFoot(line=2))
+    assert robot.is_at(0.0) == [LegTarget(foot=Foot.B)]
+    assert robot.is_at(0.0) == []
+    robot.stands_on(Foot.B)
+    assert robot.is_at(0.0) == []
+    assert robot.player.is_done
 
 
 def test_gives_up_with_the_joint_that_does_not_arrive():
-    player = ready_player(MOVE)
+    robot = standing_robot(MOVE)
     with pytest.raises(PlaybackError, match=r"line 2: waited 1 s for q1 to go from 0.0000 to 0.4000"):
-        wait_long(player)
+        wait_long(robot)
 
 
 def test_gives_up_on_a_foot_that_does_not_change():
-    player = ready_player(ChangeFoot(line=7))
+    robot = standing_robot(ChangeFoot(line=7))
     with pytest.raises(PlaybackError, match=r"line 7: waited 1 s for foot B"):
-        wait_long(player)
+        wait_long(robot)
 
 
-def test_a_refusal_by_the_simulation_ends_it():
-    player = ready_player(MOVE)
-    refusal = Event(stamp_ns=0, seq=0, frame="", source="sim", severity=Severity.WARNING, text="q1 is 9")
+def test_goes_on_after_the_simulation_was_started_again():
+    robot = standing_robot(MOVE)
+    robot.num_periods = 1000
+    assert len(robot.is_at(0.0)) == 1
+    robot.num_periods = 0
+    assert len(robot.is_at(0.0)) == 1
+
+
+def event(source, severity, text, refused_key=""):
+    return Event(stamp_ns=0, seq=0, frame="", source=source, severity=severity, text=text, refused_key=refused_key)
+
+
+def test_a_refusal_or_a_fall_ends_it_and_nothing_else():
+    player = standing_robot(MOVE).player
     with pytest.raises(PlaybackError, match="line 2: q1 is 9"):
-        player.add_event(refusal)
-    other = Event(stamp_ns=0, seq=0, frame="", source="mapper", severity=Severity.WARNING, text="lost")
-    assert player.add_event(other) == []
+        player.add_event(event("sim", Severity.WARNING, "q1 is 9", "hyrecro/joints/target"))
+    with pytest.raises(PlaybackError, match="line 2: it falls"):
+        player.add_event(event("sim", Severity.ERROR, "it falls"))
+    assert player.add_event(event("sim", Severity.WARNING, "a1_l is beyond its stroke")) == []
+    assert player.add_event(event("mapper", Severity.ERROR, "lost")) == []

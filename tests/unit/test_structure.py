@@ -10,7 +10,9 @@ from shared.geometry import SE3
 from shared.robot.urdf import parse_urdf
 from shared.runtime.config import CONFIGS_DIR
 from shared.solids import Box
-from shared.world.structure import Member, Structure, load_structure, structure_urdf
+from shared.world.files import load_structure
+from shared.world.structure import Member, Structure
+from shared.world.urdf_format import structure_urdf
 
 ORIGINAL = CONFIGS_DIR / "structures" / "original.yaml"
 

@@ -1,0 +1,188 @@
+"""A robot with masses, driven joints and magnetic feet, which can slip off and fall."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.sim.body import FootState, Joints
+from services.sim.magnet import Magnet
+from services.sim.motion import JointMotion
+from services.sim.physics import Physics
+from services.sim.setpoint import Setpoint
+from services.sim.slip import Slip
+from shared.geometry import SE3
+from shared.messaging.messages import JOINT_NAMES, Foot
+from shared.robot.description import UrdfModel
+from shared.runtime.config import SimConfig
+from shared.world.steel import SteelSurface
+from shared.world.structure import Structure
+
+_SETTLE_S = 0.1
+"""How long a magnet takes to draw its foot flush once the other foot has let go: assumed."""
+
+
+class DynamicBody:
+    """Fulfils `Body`. A foot takes hold within a gap and an angle of steel; it lets go beyond what its magnet can bear.
+
+    At a change of foot both hold for `config.magnets.overlap_s`; then the old one lets go and the new one is drawn
+    flush. If the new foot finds no steel, the old one lets go all the same, and the robot falls.
+
+    T_world_foot: where the plate of `config.initial_foot` stands at the start.
+    """
+
+    def __init__(
+        self,
+        urdf_text: str,
+        model: UrdfModel,
+        structure: Structure,
+        config: SimConfig,
+        T_world_foot: SE3,
+        slip: Slip,
+    ) -> None:
+        dynamics = config.dynamics
+        self._physics = Physics(urdf_text, model, structure, dynamics)
+        self._steel = SteelSurface(structure)
+        self._initial = (config.initial_foot, T_world_foot)
+        self._overlap_ns = round(config.magnets.overlap_s * 1e9)
+        self._step_s = 1.0 / dynamics.step_hz
+        self._num_settle_steps = max(1, round(_SETTLE_S * dynamics.step_hz))
+        max_velocity = np.array([model.limits[name].velocity for name in JOINT_NAMES])
+        self._setpoint = Setpoint(max_velocity, max_velocity / dynamics.ramp_s, dynamics.bandwidth_hz)
+        self._magnets = {foot: Magnet(foot, config.magnets) for foot in Foot}
+        self._slip = slip
+        self.links = self._physics.engine.links
+        self.effort: Joints | None = None
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the initial place, all joints at zero, the initial foot holding if there is steel below it."""
+        self._fixed_foot, T_world_foot = self._initial
+        self._physics.place(self._fixed_foot, T_world_foot)
+        self._setpoint.reset(np.zeros(len(JOINT_NAMES)))
+        self._wrenches: dict[Foot, NDArray[np.float64]] = {}
+        self._hold_poses: dict[Foot, SE3] = {}
+        self._path: list[SE3] = []
+        self._release_ns: int | None = None
+        self._news = self._take_hold(self._fixed_foot)
+        self._read_joints()
+
+    def advance(self, motion: JointMotion, from_ns: int, to_ns: int) -> list[str]:
+        """Goes on in steps of the engine; magnets are judged by the mean load of the whole period."""
+        num_steps = max(1, round((to_ns - from_ns) * 1e-9 / self._step_s))
+        loads = {foot: np.zeros(6) for foot in self._hold_poses}
+        for step in range(1, num_steps + 1):
+            self._setpoint.follow(*motion.at(from_ns + (to_ns - from_ns) * step // num_steps), self._step_s)
+            self._physics.drive(self._setpoint.q, self._setpoint.dq)
+            self._settle()
+            self._physics.step()
+            for foot, load in loads.items():
+                load += self._physics.wrench(foot) / num_steps
+        self._wrenches = loads
+        self._read_joints()
+        news, self._news = self._news, []
+        return news + self._judge_loads() + self._end_overlap(to_ns)
+
+    def change_foot(self, foot: Foot, stamp_ns: int) -> list[str]:
+        """The foot takes hold, if it can; the other lets go, at once or when the overlap is over."""
+        if foot is self._fixed_foot and foot in self._hold_poses:
+            self._release_ns = None
+            self._release(foot.other)  # a change that was under way is called off
+            return []
+        news = [] if foot in self._hold_poses else self._take_hold(foot)
+        if foot in self._hold_poses and foot.other in self._hold_poses:
+            self._release_ns = stamp_ns + self._overlap_ns
+            return news
+        self._fixed_foot = foot
+        if foot.other in self._hold_poses:
+            news += self._let_go(foot.other, f"foot {foot.other.value} is released")
+        return news
+
+    @property
+    def T_world_foot(self) -> SE3:
+        """Where the plate of the fixed foot is."""
+        return self._physics.T_world_foot(self._fixed_foot)
+
+    def foot_state(self) -> FootState:
+        """The fixed foot's hold and load."""
+        foot = self._fixed_foot
+        T_world_foot = self.T_world_foot
+        magnet, contact = self._magnets[foot], self._steel.under_sole(T_world_foot)
+        wrench = self._wrenches.get(foot)
+        return FootState(
+            fixed_foot=foot,
+            T_world_foot=T_world_foot,
+            has_contact=magnet.can_hold(contact),
+            holding=tuple(each for each in Foot if each in self._hold_poses),
+            wrench=wrench,
+            load_n=None if wrench is None else max(0.0, -float(wrench[2])),
+            margin=None if wrench is None else magnet.margin(wrench),
+        )
+
+    def poses(self) -> NDArray[np.float64]:
+        """T_world_link (L, 7) of every link."""
+        return self._physics.engine.poses()
+
+    def close(self) -> None:
+        """Ends the engine."""
+        self._physics.engine.close()
+
+    def _take_hold(self, foot: Foot) -> list[str]:
+        T_world_foot = self._physics.T_world_foot(foot)
+        contact = self._steel.under_sole(T_world_foot)
+        magnet = self._magnets[foot]
+        if not magnet.can_hold(contact):
+            return [magnet.no_hold_text(contact)]
+        self._hold(foot, T_world_foot)
+        if foot.other not in self._hold_poses:
+            self._draw_flush(foot)
+        return []
+
+    def _hold(self, foot: Foot, T_world_foot: SE3) -> None:
+        self._hold_poses[foot] = T_world_foot
+        self._physics.hold(foot, T_world_foot)
+
+    def _draw_flush(self, foot: Foot) -> None:
+        """Plans how the hold moves from where the foot took it to flush on the steel, and as far as it slips there."""
+        start = self._hold_poses[foot]
+        goal = (self._steel.flush_pose(start) or start) @ self._slip.next()
+        way = (start.inv() @ goal).log()
+        shares = np.linspace(0, 1, self._num_settle_steps + 1)[1:]
+        self._path = [start @ SE3.exp(share * way) for share in shares] if np.abs(way).max() > 1e-12 else []
+
+    def _settle(self) -> None:
+        if self._path and self._fixed_foot in self._hold_poses:
+            self._hold(self._fixed_foot, self._path.pop(0))
+
+    def _judge_loads(self) -> list[str]:
+        overloads = {foot: self._magnets[foot].overload(wrench) for foot, wrench in self._wrenches.items()}
+        return [text for foot, reason in overloads.items() if reason for text in self._let_go(foot, reason)]
+
+    def _end_overlap(self, stamp_ns: int) -> list[str]:
+        if self._release_ns is None or stamp_ns < self._release_ns:
+            return []
+        new = self._fixed_foot.other
+        self._release_ns = None
+        if new not in self._hold_poses:
+            return []  # it let go under its load while both held
+        self._fixed_foot = new
+        self._release(new.other)
+        self._draw_flush(new)
+        return []
+
+    def _let_go(self, foot: Foot, reason: str) -> list[str]:
+        self._release(foot)
+        if foot.other in self._hold_poses:
+            self._fixed_foot = foot.other
+            return [reason]
+        return [f"{reason}; nothing holds the robot, it falls"]
+
+    def _release(self, foot: Foot) -> None:
+        if foot in self._hold_poses:
+            self._physics.release(foot)
+            del self._hold_poses[foot]
+            self._wrenches.pop(foot, None)
+            self._path = []
+
+    def _read_joints(self) -> None:
+        self.q, self.dq, self.effort = self._physics.joints()

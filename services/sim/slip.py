@@ -1,0 +1,28 @@
+"""How a foot slides along the steel when it takes hold."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from shared.geometry import SE3
+from shared.runtime.config import SlipConfig
+
+
+class Slip:
+    """Draws a slip a change of foot: Gaussian along both axes of the sole and about its normal. rng: its only noise."""
+
+    def __init__(self, config: SlipConfig, rng: np.random.Generator) -> None:
+        self._config = config
+        self._rng = rng
+
+    def reseed(self, rng: np.random.Generator) -> None:
+        """Goes on with other noise."""
+        self._rng = rng
+
+    def next(self) -> SE3:
+        """T_foot_slipped: how the foot moves, in its own frame; it stays in the plane of its sole."""
+        x, y, turn = self._rng.standard_normal(3).tolist()
+        slide_m, turn_rad = self._config.slide_m, np.deg2rad(self._config.turn_deg)
+        if slide_m == 0 and turn_rad == 0:
+            return SE3.identity()
+        return SE3.trans(slide_m * x, slide_m * y) @ SE3.rot("z", turn_rad * turn)
