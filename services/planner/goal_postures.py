@@ -25,6 +25,8 @@ _TURN_OFF_RAD = 4e-3
 """A fixed foot that stands a little askew makes exact goals in its legs' plane unreachable: this counts as exact."""
 _MARGIN_S = 2.0
 """Seconds of motion that a whole margin is worth."""
+_AMPLE_MARGIN, _SHORT_S = 0.2, 5.0
+"""Below this margin after the change of foot the next step has little choice: up to so many seconds worse."""
 _FALL_S = 100.0
 """What it costs that the landed foot would not hold when it is the fixed one."""
 
@@ -85,7 +87,8 @@ def _costs(space: StepSpace, q: Float, q_now: Float) -> Float:
     holding = space.climber.holding
     before, after = holding.margins(space.stance, q), holding.margins_after(space.stance, q)
     falls = np.where(after < space.min_margin, _FALL_S, 0.0)
-    costs: Float = space.duration_s(q_now, q) + _MARGIN_S * (2 - before - after) + falls
+    short = _SHORT_S * np.maximum(0.0, 1 - after / _AMPLE_MARGIN)
+    costs: Float = space.duration_s(q_now, q) + _MARGIN_S * (2 - before - after) + short + falls
     return costs
 
 

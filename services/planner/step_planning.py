@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -31,6 +32,10 @@ _SCALE = np.where(IS_PRISMATIC, HYRECRO.leg_m, 1.0)
 _SPREAD = 0.7
 """Of random postures about the straight way, in radians and legs' lengths; every other one is from anywhere."""
 _VERIFY_M = 3e-3
+_WANTED_MARGINS = (0.1, 0.05)
+"""Tried before the least allowed margin: a foot that hardly holds after one step leaves no choice for the next."""
+_WANT_SHARE = 4
+"""They get so small a share of the search's iterations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,18 +61,31 @@ def plan_step(
     Raises:
         RefusedError: no flush steel there, unreachable, holding, collision: with what is in the way.
     """
-    space = StepSpace(climber, stance, config.min_margin)
     poses = footings(target, stance.T_world_free(q_now), climber.steel)
-    _check_start(space, q_now)
+    _check_start(StepSpace(climber, stance, config.min_margin), q_now)
+    for margin in _WANTED_MARGINS:
+        with contextlib.suppress(RefusedError):
+            if margin > config.min_margin:
+                space = StepSpace(climber, stance, margin)
+                return _plan(poses, space, q_now, config.lift_m, config.max_iterations // _WANT_SHARE, rng)
+    space = StepSpace(climber, stance, config.min_margin)
+    return _plan(poses, space, q_now, config.lift_m, config.max_iterations, rng)
+
+
+def _plan(
+    poses: list[SE3], space: StepSpace, q_now: Float, lift_m: float, max_iterations: int, rng: np.random.Generator
+) -> StepPlan:
+    """The step to one of the poses T_world_foot on which the margin never falls below the space's."""
     q_goals = goal_postures(space, poses, q_now)
-    lift = next(_away(space, q_now, config.lift_m), None)
+    lift = next(_away(space, q_now, lift_m), None)
     if lift is None:
         raise RefusedError(_why_not_along_normal(space, q_now, "lift off"))
-    landings = [landing[::-1] for q in q_goals if (landing := next(_away(space, q, config.lift_m), None)) is not None]
+    landings = [landing[::-1] for q in q_goals if (landing := next(_away(space, q, lift_m), None)) is not None]
     if not landings:
         raise RefusedError(_why_not_along_normal(space, q_goals[0], "land"))
-    transfer, landing = _transfer(space, lift[-1], landings, config, rng)
+    transfer, landing = _transfer(space, lift[-1], landings, max_iterations, rng)
     margin = _least_margin(space, np.concatenate([lift, transfer, landing]))
+    stance = space.stance
     return StepPlan(stance, stance.T_world_free(landing[-1]), lift, transfer, landing, margin)
 
 
@@ -106,7 +124,7 @@ def _lifted(space: StepSpace, q: Float, height_m: float) -> Float | None:
 
 
 def _transfer(
-    space: StepSpace, q_lifted: Float, landings: list[Float], config: PlannerConfig, rng: np.random.Generator
+    space: StepSpace, q_lifted: Float, landings: list[Float], max_iterations: int, rng: np.random.Generator
 ) -> tuple[Float, Float]:
     """The free way from q_lifted to the start of one of the landings, and that landing; with the most clearance."""
     for clearance_m in CLEARANCES_M:
@@ -119,13 +137,12 @@ def _transfer(
                 return np.array([q_lifted, landing[0]]), landing
         if not reachable:
             continue
-        path = _search(space, q_lifted, np.array([landing[0] for landing in reachable]), clearance_m, config, rng)
+        q_goals = np.array([landing[0] for landing in reachable])
+        path = _search(space, q_lifted, q_goals, clearance_m, max_iterations // len(CLEARANCES_M), rng)
         if path is not None:
             return path, next(landing for landing in reachable if (landing[0] == path[-1]).all())
     kind, reason = _obstacle(space, _samples(space, q_lifted, landings[0][0]), 0.0)
-    raise RefusedError(
-        f"{kind}: no free way found after {config.max_iterations} iterations; on the straight one {reason}"
-    )
+    raise RefusedError(f"{kind}: no free way found after {max_iterations} iterations; on the straight one {reason}")
 
 
 def _search(
@@ -133,7 +150,7 @@ def _search(
     q_start: Float,
     q_goals: Float,
     clearance_m: float,
-    config: PlannerConfig,
+    max_iterations: int,
     rng: np.random.Generator,
 ) -> Float | None:
     lower, upper = space.climber.lower, space.climber.upper
@@ -145,7 +162,7 @@ def _search(
         middle = q_start + rng.random() * (q_goals[rng.integers(len(q_goals))] - q_start)
         return np.asarray(np.clip(middle + _SPREAD * _SCALE * rng.standard_normal(8), lower, upper))
 
-    path = find_path(q_start, q_goals, _SCALE, is_way_free, draw, config.max_iterations)
+    path = find_path(q_start, q_goals, _SCALE, is_way_free, draw, max_iterations)
     return None if path is None else shortened(path, is_way_free, rng, _NUM_SHORTCUTS)
 
 

@@ -230,7 +230,7 @@ class PlannerConfig(Section):
     min_margin: float = Field(0.0, ge=-10, le=1)
     """A step on which the holding margin falls below this is refused."""
     max_iterations: int = Field(1000, ge=1, le=1_000_000)
-    """Of the search for a way round what is between; it takes some 3 ms each."""
+    """Of the search for a way round what is between, at some 3 ms each; that for a better way may add half as many."""
     joint_tolerance: float = Field(0.02, gt=0, le=1)
     """A step has ended when every joint is this near, as its encoder reads it: radians, metres for q2 and q7."""
     timeout_s: float = Field(10.0, gt=0, le=3600)
