@@ -10,6 +10,7 @@ from shared.messaging.messages import Foot, FootTarget
 from shared.robot.adhesion import MagnetLimits
 from shared.runtime.config import PlannerConfig
 from shared.solids import Box
+from shared.world.generator import Lattice, crossed_truss
 from shared.world.structure import Member, Structure
 from tests.support.postures import MODEL
 from tests.support.steel import BEAM, ORIGINAL, structure
@@ -115,6 +116,20 @@ def test_steps_on_crossed_bars_turned_by_odd_angles():
     _, reports = walk(climber, start, [low, high])
     assert [problem for report in reports for problem in report.problems] == []
     assert reports[-1].landing.members == ("high",)
+
+
+def test_steps_on_a_generated_crossed_truss_turned_by_an_odd_angle():
+    truss = crossed_truss(Lattice(yaw_deg=23.7, base_z_m=3.0))
+    T = SE3.rot("z", np.deg2rad(23.7))
+    start = Stance(A, T @ SE3.trans(0.775, z_m=5.155) @ SE3.rot("z", np.pi))
+    on_beam = (B, at(T.apply(np.array([0.325, 0.0, 5.15])), UP))
+    on_post = [
+        (foot, at(T.apply(np.array([0.075, 0.0, z_m])), T.rotation[:, 0])) for foot, z_m in ((A, 5.35), (B, 5.6))
+    ]
+    _, reports = walk(Climber.of(MODEL, truss), start, [on_beam, *on_post])
+    assert [problem for report in reports for problem in report.problems] == []
+    landings = [report.landing.members for report in reports[1:] if report.landing]
+    assert landings == [("beam_x_1_1_1",), ("post_1_1_1",), ("post_1_1_1",)]
 
 
 def test_a_fixed_foot_that_stands_askew_still_finds_its_way_along_the_bar():
