@@ -109,6 +109,13 @@ def test_targets_come_at_their_rate_and_never_too_fast(robot):
     assert robot.statuses[-1].duration_s == pytest.approx(durations_s.sum())
 
 
+def test_targets_keep_their_rate_though_states_come_at_other_times(robot):
+    robot.take(robot.planner.add_foot_target(NEXT))
+    robot.run(step_ns=15_000_000)
+    stamps_ns = np.array([stamp_ns for stamp_ns, _ in robot.targets])
+    assert abs(stamps_ns[-1] - stamps_ns[0] - 50_000_000 * (len(stamps_ns) - 1)) < 15_000_000
+
+
 def test_a_pause_of_time_pauses_the_step_and_late_states_leave_nothing_out(robot):
     robot.take(robot.planner.add_foot_target(NEXT))
     robot.tick(20)
@@ -258,5 +265,7 @@ def test_each_phase_starts_and_ends_at_rest():
     speed = np.abs(np.diff(path, axis=0)).max(axis=1) / np.diff(times_s)
     assert speed[[0, 599, 600, 1599, 1600, -1]] == pytest.approx(0, abs=0.003)
     assert speed.max() <= 0.5 + 1e-9
+    assert schedule.q_at(0.1)[0] == pytest.approx(0.2 * 0.1**2 / (2 * 0.2 * 0.4))
+    assert schedule.q_at(0.5)[0] == pytest.approx(0.2 - 0.2 * 0.1**2 / (2 * 0.2 * 0.4))
     assert schedule.q_at(0.6) == pytest.approx(q[1])
     assert schedule.q_at(1.6) == pytest.approx(q[2])

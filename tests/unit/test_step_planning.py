@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
 
-from services.planner.footing import is_flush
+from services.planner.footing import footings, is_flush
+from services.planner.goal_postures import goal_postures
+from services.planner.step_space import StepSpace
 from shared.climbing.climber import Climber
 from shared.climbing.stance import Stance
 from shared.errors import RefusedError
@@ -134,7 +136,8 @@ def test_steps_on_a_generated_crossed_truss_turned_by_an_odd_angle():
 
 def test_a_fixed_foot_that_stands_askew_still_finds_its_way_along_the_bar():
     askew = Stance(A, START.T_world_foot @ SE3.rot("x", np.deg2rad(0.2)))
-    plan = planned(at((0, -0.4, 10.1), UP), askew, ZERO, CLIMBER)
+    ahead = SE3.from_rpy((0, 0, np.pi / 2), (0, -0.4, 10.105))
+    plan = planned(FootTarget(T_world_foot=ahead.xyz_quat_xyzw), askew, ZERO, CLIMBER)
     contact = CLIMBER.steel.under_sole(plan.T_world_goal)
     assert contact.is_flush(0.5e-3, np.deg2rad(0.5))
 
@@ -181,6 +184,23 @@ def test_a_foot_under_a_shelf_cannot_lift_off():
         RefusedError, match=r"^collision: foot B cannot lift off along its normal: foot_b cuts .* shelf"
     ):
         planned(at((0.4, 0, 0), UP), ON_BEAM, ZERO, Climber.of(MODEL, structure(BEAM, shelf)))
+
+
+def test_no_landing_is_chosen_that_lets_go_once_it_is_the_fixed_foot_if_there_is_another():
+    beside = SE3.from_z_axis(SOUTH, (0.05, -0.105, 10.55)) @ SE3.rot("z", np.pi / 2)
+    space = StepSpace(CLIMBER, Stance(B, beside), min_margin=0.0)
+    poses = footings(at((0.1, -0.03, 10.5), EAST), beside, CLIMBER.steel)
+    q = goal_postures(space, poses, ZERO)
+    assert len(q) > 1
+    assert (CLIMBER.holding.margins_after(space.stance, q) >= 0).all()
+
+
+def test_a_posture_in_which_the_fixed_foot_lets_go_is_not_free():
+    wall = Stance(A, SE3.from_z_axis(SOUTH, (0, -0.105, 10.6)))
+    stretched = np.array([[0, 0.02, 0, 0, 0, 1.5, 0.02, 0]])
+    assert CLIMBER.holding.margins(wall, stretched) < 0
+    assert StepSpace(CLIMBER, wall, min_margin=-10.0).is_free(stretched, 0.0)
+    assert not StepSpace(CLIMBER, wall, min_margin=0.0).is_free(stretched, 0.0)
 
 
 def test_a_weak_magnet_is_refused_as_holding():
