@@ -11,16 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 from shared.climbing.bodies import Bodies, bodies_of
 from shared.climbing.convex import Zonotopes, depths, depths_in_faces, stacked, zonotope
 from shared.climbing.stance import Stance
-from shared.geometry import Float
+from shared.geometry import SE3, Float
 from shared.robot.description import UrdfModel
 from shared.robot.kinematics import FOOT_LINKS, LINKS
-from shared.solids import Mesh
-from shared.world.structure import Structure
+from shared.solids import Box, Mesh
+from shared.world.structure import Member, Structure
 
 Index = NDArray[np.int64]
 
 REACH_M = 1.2
 """No point of the robot is ever farther than this from its fixed foot: both legs at full length, hip and sensor."""
+_GROUND_M = 1e4
+"""The ground's edge: beyond any structure."""
 _ROUNDING_M = 1e-9
 """What touches may cut in by this: rounding of poses in the world."""
 
@@ -69,7 +71,7 @@ class _Obstacles:
 
 
 class CollisionModel:
-    """The robot's bodies and the structure's members, of which bars and tubes are solid and meshes are their faces.
+    """The robot's bodies, the structure's members and the ground; bars and tubes are solid, meshes are their faces.
 
     Two links are not checked against each other where they are rigid with each other or joined by a joint.
 
@@ -79,8 +81,9 @@ class CollisionModel:
 
     def __init__(self, model: UrdfModel, structure: Structure) -> None:
         self.bodies = bodies_of(model)
-        self.members = tuple(member.name for member in structure.members)
-        self._obstacles = tuple(_obstacles_of(structure))
+        members = (*structure.members, *_ground(structure))
+        self.members = tuple(member.name for member in members)
+        self._obstacles = tuple(_obstacles_of(members))
 
     def around(self, stance: Stance) -> Surroundings:
         """What can be touched from where the robot stands."""
@@ -163,10 +166,16 @@ def _overlap(low: Float, high: Float, other_low: Float, other_high: Float) -> ND
     return np.asarray(((low <= other_high) & (high >= other_low)).all(axis=-1))
 
 
-def _obstacles_of(structure: Structure) -> Iterator[_Obstacles]:
+def _ground(structure: Structure) -> Iterator[Member]:
+    if structure.ground_z_m is not None:
+        x, y, _ = np.mean([member.T_world_member.translation for member in structure.members], axis=0).tolist()
+        yield Member("ground", Box((_GROUND_M, _GROUND_M, 1.0)), SE3.trans(x, y, structure.ground_z_m - 0.5))
+
+
+def _obstacles_of(members: tuple[Member, ...]) -> Iterator[_Obstacles]:
     kinds: dict[int, list[tuple[int, Zonotopes]]] = {}
     faces: list[tuple[int, Mesh]] = []
-    for i, member in enumerate(structure.members):
+    for i, member in enumerate(members):
         if isinstance(member.solid, Mesh):
             faces.append((i, member.solid.moved(member.T_world_member)))
         else:

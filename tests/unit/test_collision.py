@@ -13,7 +13,7 @@ from shared.messaging.messages import Foot
 from shared.robot.description import Shape
 from shared.robot.kinematics import LINKS
 from shared.solids import Box, Cylinder, Mesh
-from shared.world.structure import Member
+from shared.world.structure import Member, Structure
 from tests.support.postures import MODEL, random_postures
 from tests.support.steel import BEAM, ORIGINAL, structure
 
@@ -69,6 +69,13 @@ def test_a_robot_folded_onto_itself_names_both_links():
     assert contacts.depth_m[0] > 0.005
     assert set(contacts.link + contacts.other) <= {*LINKS, "lidar"}
     assert not around().is_free(folded).any()
+
+
+def test_the_ground_is_in_the_way_too():
+    grounded = CollisionModel(MODEL, Structure("grounded", (BEAM,), ground_z_m=0.002))
+    contacts = grounded.around(ON_BEAM).contacts(ZERO)
+    assert (contacts.link, contacts.other) == (("foot_b",), ("ground",))
+    assert contacts.depth_m == pytest.approx(0.002, abs=1e-9)
 
 
 def test_linked_bodies_are_no_collision_and_nothing_near_is_minus_infinity():
