@@ -40,7 +40,7 @@ def footings(target: FootTarget, T_world_now: SE3, steel: SteelSurface) -> list[
         upright = _least_turned(T_world_now, z, target.point_m + SOLE_BELOW_CENTRE_M * z)
         turns = sorted(np.arange(_NUM_TURNS) * (2 * np.pi / _NUM_TURNS), key=lambda turn: 1 - math.cos(turn))
         wanted = [upright @ SE3.rot("z", turn) for turn in turns]
-    flush = [pose for T in wanted if (pose := _snapped(T, steel)) is not None]
+    flush = [pose for T in wanted if (pose := snapped(T, steel)) is not None]
     if not flush:
         raise RefusedError(f"{_NO_STEEL}: {_why_not(wanted, steel)}")
     return flush
@@ -84,7 +84,7 @@ def _least_turned(T_world_now: SE3, z: np.typing.NDArray[np.float64], xyz_m: np.
     raise AssertionError("two axes at right angles cannot both be along z")
 
 
-def _snapped(T_world_foot: SE3, steel: SteelSurface) -> SE3 | None:
+def snapped(T_world_foot: SE3, steel: SteelSurface) -> SE3 | None:
     """The flush pose that a target means; None where it is too far from flush or not wholly over steel."""
     flush = steel.flush_pose(T_world_foot)
     if flush is None or not is_flush(flush, steel):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.planner.footing import is_flush, stand_text
+from services.planner.footing import snapped, stand_text
 from services.planner.schedule import Schedule
 from services.planner.step_planning import StepPlan, plan_step
 from shared.climbing.climber import Climber
@@ -66,6 +66,7 @@ class StepPlanner:
         self._period_ns = round(1e9 / config.rate_hz)
         self._joints: JointState | None = None
         self._leg: LegState | None = None
+        self._q_sent: Float | None = None
         self._step: _Step | None = None
         self._told: list[Message] = []
         self._num_statuses = 0
@@ -87,7 +88,7 @@ class StepPlanner:
         if self._step is not None:
             raise RefusedError(f"a step of foot {self._step.foot.value} is under way")
         fixed = Stance(self._leg.fixed_foot, SE3.from_xyz_quat_xyzw(self._leg.T_world_foot))
-        q = np.clip(self._joints.q, self._climber.lower, self._climber.upper)
+        q = self._q_now(self._joints.q)
         foot = target.foot or fixed.free_foot
         try:
             stance = fixed if foot is fixed.free_foot else self._changed(fixed, q)
@@ -126,14 +127,21 @@ class StepPlanner:
             return []
         return [self._end(self._step, FootPhase.FAILED, event.text)]
 
+    def _q_now(self, q_read: Float) -> Float:
+        """The posture (8,): what was commanded last, which has no noise, if the encoders agree; else what they read."""
+        if self._q_sent is not None and np.abs(q_read - self._q_sent).max() <= self._config.joint_tolerance:
+            return self._q_sent
+        return np.asarray(np.clip(q_read, self._climber.lower, self._climber.upper))
+
     def _changed(self, fixed: Stance, q: Float) -> Stance:
-        """The stance with the other foot fixed, if it stands on steel and holds."""
-        T_world_free, steel = fixed.T_world_free(q), self._climber.steel
-        free = fixed.free_foot.value
-        if not is_flush(T_world_free, steel):
-            reason = stand_text(T_world_free, steel)
-            raise RefusedError(f"foot {fixed.fixed_foot.value} is fixed, and foot {free} cannot take over: {reason}")
-        return fixed.changed(q)
+        """The stance with the other foot fixed, if it stands on steel as far as the encoders can tell."""
+        T_world_free = fixed.T_world_free(q)
+        T_world_foot = snapped(T_world_free, self._climber.steel)
+        if T_world_foot is None:
+            fixed_foot, free_foot = fixed.fixed_foot.value, fixed.free_foot.value
+            reason = stand_text(T_world_free, self._climber.steel)
+            raise RefusedError(f"foot {fixed_foot} is fixed, and foot {free_foot} cannot take over: {reason}")
+        return Stance(fixed.free_foot, T_world_foot)
 
     def _advance(self, step: _Step, state: JointState) -> list[Message]:
         if step.phase is FootPhase.PLANNING and not self._is_standing(step):
@@ -164,7 +172,8 @@ class StepPlanner:
         is_on_time = stamp_ns < step.due_ns + self._period_ns
         step.due_ns = (step.due_ns if is_on_time else stamp_ns) + self._period_ns
         step.waits_since_ns = stamp_ns
-        target = JointTarget(q=step.schedule.q_at(step.sent_s), duration_s=max(step.sent_s - start_s, 1e-6))
+        self._q_sent = step.schedule.q_at(step.sent_s)
+        target = JointTarget(q=self._q_sent, duration_s=max(step.sent_s - start_s, 1e-6))
         return [target, *self._progress(step, step.schedule.phase_at(step.sent_s), stamp_ns)]
 
     def _await_arrival(self, step: _Step, state: JointState) -> list[Message]:

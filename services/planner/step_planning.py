@@ -31,6 +31,8 @@ _NUM_SHORTCUTS = 60
 _SCALE = np.where(IS_PRISMATIC, HYRECRO.leg_m, 1.0)
 _SPREAD = 0.7
 """Of random postures about the straight way, in radians and legs' lengths; every other one is from anywhere."""
+_MAX_ERROR_M = 5e-3
+"""Between where a foot stands and where the encoders put it."""
 _VERIFY_M = 3e-3
 _WANTED_MARGINS = (0.1, 0.05)
 """Tried before the least allowed margin: a foot that hardly holds after one step leaves no choice for the next."""
@@ -77,13 +79,14 @@ def _plan(
 ) -> StepPlan:
     """The step to one of the poses T_world_foot on which the margin never falls below the space's."""
     q_goals = goal_postures(space, poses, q_now)
-    lift = next(_away(space, q_now, lift_m), None)
+    lift = next(_away(space, q_now, lift_m, _depth_at_start(space, q_now)), None)
     if lift is None:
         raise RefusedError(_why_not_along_normal(space, q_now, "lift off"))
     landings = [landing[::-1] for q in q_goals if (landing := next(_away(space, q, lift_m), None)) is not None]
     if not landings:
         raise RefusedError(_why_not_along_normal(space, q_goals[0], "land"))
-    transfer, landing = _transfer(space, lift[-1], landings, max_iterations, rng)
+    lasting = [landing for landing in landings if _can_go_on(space, landing[-1], lift_m)]
+    transfer, landing = _transfer(space, lift[-1], lasting or landings, max_iterations, rng)
     margin = _least_margin(space, np.concatenate([lift, transfer, landing]))
     stance = space.stance
     return StepPlan(stance, stance.T_world_free(landing[-1]), lift, transfer, landing, margin)
@@ -95,14 +98,24 @@ def _check_start(space: StepSpace, q: Float) -> None:
         raise RefusedError(f"holding: foot {foot} lets go before the step: {reason}")
 
 
-def _away(space: StepSpace, q: Float, lift_m: float) -> Iterator[Float]:
-    """Free ways (N, 8) that take the free foot off along its normal, the highest first."""
-    height_m = lift_m
-    while height_m >= _LEAST_LIFT_M - 1e-9:
+def _away(space: StepSpace, q: Float, lift_m: float, depth_m: float = CONTACT_M) -> Iterator[Float]:
+    """Ways (N, 8) that take the free foot off along its normal, the highest first, and are in nothing by depth_m."""
+    for height_m in (lift_m, max(lift_m / 2, _LEAST_LIFT_M), _LEAST_LIFT_M):
         way = _lifted(space, q, height_m)
-        if way is not None and space.is_free(_with_middles(way), -CONTACT_M) and space.is_free(way[-1:], 0.0):
+        if way is not None and space.is_free(_with_middles(way), -depth_m) and space.is_free(way[-1:], 0.0):
             yield way
-        height_m /= 1.5
+
+
+def _can_go_on(space: StepSpace, q: Float, lift_m: float) -> bool:
+    """Whether the foot that is fixed now could be lifted next, with the other one fixed in posture q (8,)."""
+    next_space = StepSpace(space.climber, space.stance.changed(q), space.min_margin)
+    return next(_away(next_space, q, lift_m), None) is not None
+
+
+def _depth_at_start(space: StepSpace, q: Float) -> float:
+    """What a foot that lifts may be in its steel: by encoders that err it seems to be deeper than it is."""
+    depth_m = float(space.surroundings.contacts(q[None]).depth_m[0])
+    return CONTACT_M + min(max(depth_m, 0.0), _MAX_ERROR_M)
 
 
 def _with_middles(way: Float) -> Float:
