@@ -144,16 +144,23 @@ def state(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None, is_json
 
 
 def _state(bus: Bus) -> dict[str, Any]:
-    from shared.messaging.channels import JOINTS_STATE, LEG_STATE, TF
-    from shared.messaging.messages import JointState, LegState, Transforms
+    from shared.messaging.channels import ACTUATORS_STATE, CLOCK, JOINTS_STATE, LEG_STATE, TF
+    from shared.messaging.messages import ActuatorState, Clock, JointState, LegState, Transforms
 
     joints_state = bus.ask(JOINTS_STATE, JointState)
     leg_state = bus.ask(LEG_STATE, LegState)
     transforms = bus.ask(TF, Transforms)
+    actuators = bus.ask(ACTUATORS_STATE, ActuatorState)
+    clock = bus.ask(CLOCK, Clock)
     return {
         "stamp_s": None if joints_state is None else joints_state.stamp_ns / 1e9,
+        "real_time_factor": None if clock is None else clock.real_time_factor,
         "q": None if joints_state is None else joints_state.q.tolist(),
+        "actuators": None if actuators is None else actuators.positions.tolist(),
         "fixed_foot": None if leg_state is None else leg_state.fixed_foot.value,
+        "has_contact": None if leg_state is None else leg_state.has_contact,
+        "holding": None if leg_state is None or leg_state.holding is None else [f.value for f in leg_state.holding],
+        "margin": None if leg_state is None else leg_state.margin,
         "hip_xyz_quat_xyzw": None if transforms is None else _hip_pose(transforms),
         "services": sorted(bus.alive()),
     }
@@ -173,8 +180,12 @@ def _print_state(now: dict[str, Any]) -> None:
         print("no simulation answers", file=sys.stderr)
     else:
         pose = now["hip_xyz_quat_xyzw"]
-        typer.echo(f"time        {now['stamp_s']:.2f} s")
+        pace = "paused" if now["real_time_factor"] == 0 else f"{now['real_time_factor']:g} s a second"
+        typer.echo(f"time        {now['stamp_s']:.2f} s, {pace}")
         typer.echo("joints      " + "  ".join(f"q{i} {value:+.4f}" for i, value in enumerate(now["q"], start=1)))
-        typer.echo(f"fixed foot  {now['fixed_foot']}")
+        holding = " and ".join(now["holding"] or []) or "nothing"
+        margin = "" if now["margin"] is None else f", margin {now['margin']:.2f}"
+        contact = "on steel" if now["has_contact"] else "not on steel"
+        typer.echo(f"fixed foot  {now['fixed_foot']}, {contact}; holding: {holding}{margin}")
         typer.echo("hip         x {:+.4f}  y {:+.4f}  z {:+.4f} m   q {:+.4f} {:+.4f} {:+.4f} {:+.4f}".format(*pose))
     typer.echo("services    " + (" ".join(now["services"]) or "none"))

@@ -70,15 +70,12 @@ class DynamicBody:
     def advance(self, motion: JointMotion, from_ns: int, to_ns: int) -> list[str]:
         """Goes on in steps of the engine; magnets are judged by the mean load of the whole period."""
         num_steps = max(1, round((to_ns - from_ns) * 1e-9 / self._step_s))
-        loads = {foot: np.zeros(6) for foot in self._hold_poses}
         for step in range(1, num_steps + 1):
             self._setpoint.follow(*motion.at(from_ns + (to_ns - from_ns) * step // num_steps), self._step_s)
             self._physics.drive(self._setpoint.q, self._setpoint.dq)
             self._settle()
             self._physics.step()
-            for foot, load in loads.items():
-                load += self._physics.wrench(foot) / num_steps
-        self._wrenches = loads
+        self._wrenches = self._physics.wrenches()
         self._read_joints()
         news, self._news = self._news, []
         return news + self._judge_loads() + self._end_overlap(to_ns)

@@ -35,6 +35,7 @@ class Physics:
         self._client, self._robot = self.engine.client, self.engine.robot
         self._efforts = [model.limits[name].effort for name in JOINT_NAMES]
         self._holds: dict[Foot, int] = {}
+        self._loads: dict[Foot, list[tuple[float, ...]]] = {foot: [] for foot in Foot}
         self._T_mass_sole = {foot: self._sole_in_mass_frame(foot) for foot in Foot}
         self._steel = self._add_steel(structure)
         if structure.ground_z_m is not None:
@@ -76,6 +77,8 @@ class Physics:
     def step(self) -> None:
         """Goes on by 1 / step_hz."""
         pybullet.stepSimulation(**self._client)
+        for foot, hold in self._holds.items():
+            self._loads[foot].append(pybullet.getConstraintState(hold, **self._client))
 
     def joints(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Positions, velocities and the drives' efforts, (8,) each."""
@@ -108,16 +111,22 @@ class Physics:
         """Lets a foot go; nothing where it is not held."""
         if foot in self._holds:
             pybullet.removeConstraint(self._holds.pop(foot), **self._client)
+            self._loads[foot].clear()
             self._set_touching(foot, is_touching=True)
 
-    def wrench(self, foot: Foot) -> NDArray[np.float64]:
-        """What the hold exerts on a held foot (6,): force, then moment about the sole's centre, along the foot's axes.
+    def wrenches(self) -> dict[Foot, NDArray[np.float64]]:
+        """What the hold exerted on each held foot (6,), as the mean over the steps since the last call.
 
-        pybullet gives the force in the world's frame and the moment in that of the foot.
+        Force, then moment about the sole's centre, along the foot's axes. pybullet gives the force in the world's frame
+        and the moment in that of the foot.
         """
-        state = np.array(pybullet.getConstraintState(self._holds[foot], **self._client))
-        R_world_foot = self.engine.T_world(FOOT_LINKS[foot]).rotation
-        return np.concatenate([R_world_foot.T @ state[:3], state[3:]])
+        wrenches = {}
+        for foot in self._holds:
+            mean = np.mean(self._loads[foot], axis=0) if self._loads[foot] else np.zeros(6)
+            R_world_foot = self.engine.T_world(FOOT_LINKS[foot]).rotation
+            wrenches[foot] = np.concatenate([R_world_foot.T @ mean[:3], mean[3:]])
+            self._loads[foot].clear()
+        return wrenches
 
     def place(self, foot: Foot, T_world_foot: SE3) -> None:
         """Puts the robot there at rest, all joints at zero, no foot held."""

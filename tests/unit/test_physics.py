@@ -60,7 +60,9 @@ def test_a_hold_can_be_moved_and_its_wrench_is_in_the_foots_frame():
         physics.drive(np.zeros(8), np.zeros(8))
         physics.step()
     error = moved.inv() @ physics.T_world_foot(Foot.B)
-    wrench = physics.wrench(Foot.B)
+    physics.wrenches()
+    physics.step()
+    wrench = physics.wrenches()[Foot.B]
     physics.engine.close()
     assert np.abs(error.log()).max() < 5e-5
     np.testing.assert_allclose(T.rotation @ wrench[:3], [0, 0, 4.647 * 9.81], atol=0.2)

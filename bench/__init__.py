@@ -1,0 +1,1 @@
+"""Measurements of speed, outside the tests: `python -m bench.NAME`."""
