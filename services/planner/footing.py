@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
+from shared.climbing.steel import SoleContact, SteelSurface
 from shared.errors import RefusedError
 from shared.geometry import SE3
 from shared.messaging.messages import FootTarget
-from shared.world.steel import SOLE_BELOW_CENTRE_M, SoleContact, SteelSurface
+from shared.robot.kinematics import HYRECRO
 
 MAX_GAP_M = 0.5e-3
 MAX_ANGLE_RAD = math.radians(0.5)
@@ -37,7 +38,7 @@ def footings(target: FootTarget, T_world_now: SE3, steel: SteelSurface) -> list[
         assert target.point_m is not None
         assert target.normal is not None
         z = target.normal / np.linalg.norm(target.normal)
-        upright = _least_turned(T_world_now, z, target.point_m + SOLE_BELOW_CENTRE_M * z)
+        upright = _least_turned(T_world_now, z, target.point_m + HYRECRO.sole_below_plate_m * z)
         turns = sorted(np.arange(_NUM_TURNS) * (2 * np.pi / _NUM_TURNS), key=lambda turn: 1 - math.cos(turn))
         wanted = [upright @ SE3.rot("z", turn) for turn in turns]
     flush = [pose for T in wanted if (pose := snapped(T, steel)) is not None]

@@ -18,6 +18,7 @@ from services.sim.sim_time import SimTime
 from services.sim.slip import Slip
 from services.sim.stroke_watch import StrokeWatch
 from services.sim.targets import resolve_actuators, resolve_joints
+from shared.climbing.steel import SteelSurface
 from shared.errors import InputFileError, RefusedError
 from shared.geometry import SE3
 from shared.messaging.messages import (
@@ -47,7 +48,6 @@ from shared.robot.limits import joint_bounds
 from shared.robot.parallel_module import ModuleGeometry
 from shared.robot.urdf import parse_urdf
 from shared.runtime.config import ActuatorConfig, SimConfig
-from shared.world.steel import SteelSurface
 from shared.world.structure import Structure
 from shared.world.urdf_format import structure_urdf
 

@@ -11,11 +11,11 @@ from services.sim.motion import JointMotion
 from services.sim.physics import Physics
 from services.sim.setpoint import Setpoint
 from services.sim.slip import Slip
+from shared.climbing.steel import SteelSurface
 from shared.geometry import SE3
 from shared.messaging.messages import JOINT_NAMES, Foot
 from shared.robot.description import UrdfModel
 from shared.runtime.config import SimConfig
-from shared.world.steel import SteelSurface
 from shared.world.structure import Structure
 
 _SETTLE_S = 0.1

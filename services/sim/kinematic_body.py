@@ -9,10 +9,10 @@ from services.sim.body import FootState, Joints
 from services.sim.engine import Engine
 from services.sim.motion import JointMotion
 from services.sim.slip import Slip
+from shared.climbing.steel import SteelSurface
 from shared.geometry import SE3
 from shared.messaging.messages import JOINT_NAMES, Foot
 from shared.robot.kinematics import FOOT_LINKS, HYRECRO
-from shared.world.steel import SteelSurface
 
 _MAX_GAP_M, _MAX_ANGLE_RAD = 1e-3, np.deg2rad(1.0)
 """A sole this near to steel touches it: assumed, it leaves room for rounded trajectories."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.climbing.steel import SoleContact
 from shared.messaging.messages import Foot
 from shared.robot.adhesion import MagnetLimits, margin, overload
 from shared.runtime.config import MagnetConfig
-from shared.world.steel import SoleContact
 
 
 class Magnet:

@@ -13,7 +13,6 @@ from shared.robot.description import UrdfModel
 from shared.robot.kinematics import FOOT_LINKS, HYRECRO
 from shared.runtime.config import DynamicsConfig
 from shared.world.mesh_format import world_mesh
-from shared.world.steel import SOLE_BELOW_CENTRE_M
 from shared.world.structure import Structure
 
 _MAX_TRIANGLES = 40_000
@@ -92,7 +91,7 @@ class Physics:
 
     def hold(self, foot: Foot, T_world_foot: SE3) -> None:
         """Holds a foot there, or moves the hold there."""
-        sole = T_world_foot @ SE3.trans(z_m=-SOLE_BELOW_CENTRE_M)
+        sole = T_world_foot @ HYRECRO.T_foot_sole
         place, turn = sole.translation.tolist(), sole.quat_xyzw.tolist()
         if foot in self._holds:
             pybullet.changeConstraint(self._holds[foot], place, turn, maxForce=_HOLD_N, **self._client)
@@ -137,7 +136,7 @@ class Physics:
         pybullet.resetBaseVelocity(self._robot, (0, 0, 0), (0, 0, 0), **self._client)
 
     def _sole_in_mass_frame(self, foot: Foot) -> SE3:
-        T_link_sole = HYRECRO.T_link_foot(foot) @ SE3.trans(z_m=-SOLE_BELOW_CENTRE_M)
+        T_link_sole = HYRECRO.T_link_foot(foot) @ HYRECRO.T_foot_sole
         return self.engine.T_link_mass(FOOT_LINKS[foot]).inv() @ T_link_sole
 
     def _set_touching(self, foot: Foot, *, is_touching: bool) -> None:

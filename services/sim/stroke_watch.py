@@ -9,7 +9,7 @@ from shared.robot.actuators import ActuatorGeometry, actuator_refusals
 
 
 class StrokeWatch:
-    """Remembers which actuators are beyond their strokes."""
+    """Remembers which actuators are beyond their strokes: the prototype could not follow there."""
 
     def __init__(self, geometry: ActuatorGeometry) -> None:
         self._geometry = geometry
@@ -17,7 +17,9 @@ class StrokeWatch:
 
     def look(self, values: NDArray[np.float64]) -> list[str]:
         """A text for each actuator of (10,) that was not beyond its stroke when looked at last."""
-        reasons = {text.split(" ")[0]: text for text in actuator_refusals(values, self._geometry)}
+        reasons = {
+            text.split(" ")[0]: f"beyond its stroke: {text}" for text in actuator_refusals(values, self._geometry)
+        }
         news = [text for name, text in reasons.items() if name not in self._known]
         self._known = set(reasons)
         return news

@@ -8,6 +8,7 @@ import numpy as np
 
 from shared.climbing.collision import CollisionModel
 from shared.climbing.holding import Holding
+from shared.climbing.steel import SteelSurface
 from shared.geometry import Float
 from shared.messaging.messages import JOINT_NAMES
 from shared.robot.adhesion import MagnetLimits
@@ -16,7 +17,6 @@ from shared.robot.limits import joint_bounds
 from shared.robot.urdf import parse_urdf, read_urdf
 from shared.runtime.config import Config
 from shared.world.files import load_structure
-from shared.world.steel import SteelSurface
 from shared.world.structure import Structure
 
 

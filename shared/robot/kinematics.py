@@ -31,11 +31,20 @@ class RobotGeometry:
     """Between the two axes about which the legs turn against the hip."""
     hip_height_m: float = 0.020
     """From the centre of a platform plate up to the middle of the hip plate."""
+    sole_below_plate_m: float = 0.005
+    """From the centre of a foot's plate to its sole's, along the plate's -z: half of the plate's thickness."""
+    sole_half_width_m: float = 0.05
+    """Of the square sole."""
 
     @property
     def T_hip_plate(self) -> SE3:
         """The hip plate's centre in the frame of link `hip`."""
         return SE3.trans(x_m=self.hip_axes_m / 2)
+
+    @property
+    def T_foot_sole(self) -> SE3:
+        """The sole's centre in the frame of a foot's plate."""
+        return SE3.trans(z_m=-self.sole_below_plate_m)
 
     def T_link_foot(self, foot: Foot) -> SE3:
         """The foot plate's centre in the frame of its link."""

@@ -14,9 +14,6 @@ from shared.robot.kinematics import HYRECRO, IS_PRISMATIC, JOINT_AXES, LINKS, Ro
 
 GRAVITY_MPS2 = 9.81
 
-SOLE_BELOW_PLATE_M = 0.005
-"""From the centre of a foot's plate to its sole's, along the plate's -z: half of the 0.01 m of the URDF's plates."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotMasses:
@@ -95,7 +92,7 @@ def holding_wrench(
         T_footA_footB = T_footA_link[..., -1, :, :] @ geometry.T_link_foot(Foot.B).matrix
         centres = (centres - T_footA_footB[..., None, :3, 3]) @ T_footA_footB[..., :3, :3]
     gravity = _gravity_in(np.asarray(R_world_fixed, dtype=np.float64), gravity_mps2)
-    lever_kgm = masses.mass_kg @ (centres - np.array([0.0, 0.0, -SOLE_BELOW_PLATE_M]))
+    lever_kgm = masses.mass_kg @ (centres - geometry.T_foot_sole.translation)
     moment = -np.cross(lever_kgm, gravity)
     return np.concatenate([np.broadcast_to(-masses.total_kg * gravity, moment.shape), moment], axis=-1)
 

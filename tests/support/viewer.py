@@ -32,7 +32,7 @@ def viewer(*paths: Path) -> Iterator[Any]:
         "1280x800",
     ]
     process = subprocess.Popen(
-        [_BINARY, *options, "--memory-limit", "4GiB", "-j", "2", *paths],
+        [_BINARY, *options, "--memory-limit", "4GiB", *paths],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         env={**os.environ, "WGPU_BACKEND": "vulkan"},

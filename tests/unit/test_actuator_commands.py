@@ -85,7 +85,8 @@ def test_joint_commands_beyond_the_strokes_are_warned_of_once():
         sim.set_joint_target(JointTarget(q=np.array([1.2]), names=("q1",)))
         again = run(sim, 3.0)
     texts = events(messages)
-    assert sorted(text.split(" ")[0] for text in texts) == ["a1_l", "a1_r"]
+    assert sorted(text.split(" ")[3] for text in texts) == ["a1_l", "a1_r"]
+    assert texts[0].startswith("beyond its stroke: a1_")
     assert texts[0].endswith("must be within 0.19..0.25 m")
     assert {message.severity for message in messages if isinstance(message, Event)} == {Severity.WARNING}
     assert events(back) == []

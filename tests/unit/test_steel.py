@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from shared.climbing.steel import SteelSurface
 from shared.geometry import SE3
 from shared.solids import Box, Cylinder
-from shared.world.steel import SteelSurface
 from shared.world.structure import Member, Structure
 
 BEAM = Member("beam", Box((2.0, 0.2, 0.2)), SE3.trans(z_m=-0.1))

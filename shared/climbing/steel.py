@@ -9,13 +9,10 @@ from numpy.typing import NDArray
 
 from shared.geometry import SE3
 from shared.meshes import mesh_of
+from shared.robot.kinematics import HYRECRO
 from shared.world.structure import Structure
 
 Float = NDArray[np.float64]
-
-SOLE_HALF_WIDTH_M = 0.05
-SOLE_BELOW_CENTRE_M = 0.005
-"""The sole is the lower face of the foot plate, 0.10 x 0.10 x 0.01 m; source as of `RobotGeometry`."""
 
 _NUM_SAMPLES_A_SIDE = 5
 _INSET_M = 0.0005
@@ -89,11 +86,11 @@ class SteelSurface:
         turn = np.zeros(3) if sine < 1e-15 else axis / sine * np.arctan2(sine, up @ normal)
         rotation = SE3.exp([0, 0, 0, *turn]).rotation @ T_world_foot.rotation
         touch = origins[middle] + (reach_m - depth_m[middle]) * up
-        return SE3(rotation, touch + SOLE_BELOW_CENTRE_M * rotation[:, 2])
+        return SE3(rotation, touch + HYRECRO.sole_below_plate_m * rotation[:, 2])
 
     def distance_m(self, T_world_foot: SE3) -> float:
         """From the centre of the foot's sole to the nearest steel, in any direction; inf where there is no steel."""
-        point = T_world_foot.apply(np.array([0.0, 0.0, -SOLE_BELOW_CENTRE_M]))
+        point = T_world_foot.apply(HYRECRO.T_foot_sole.translation)
         away = np.maximum(np.maximum(self._low - point, point - self._high), 0)
         bound = np.linalg.norm(away, axis=1)
         best = np.inf
@@ -117,9 +114,9 @@ class SteelSurface:
 
 def _sole_samples() -> Float:
     """Points (25, 3) of the sole in the foot's frame; the middle one is its centre."""
-    side = np.linspace(-1, 1, _NUM_SAMPLES_A_SIDE) * (SOLE_HALF_WIDTH_M - _INSET_M)
+    side = np.linspace(-1, 1, _NUM_SAMPLES_A_SIDE) * (HYRECRO.sole_half_width_m - _INSET_M)
     x, y = np.meshgrid(side, side)
-    return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, -SOLE_BELOW_CENTRE_M)])
+    return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, -HYRECRO.sole_below_plate_m)])
 
 
 def _ray_distances(origins: Float, direction: Float, corners: Float) -> Float:
