@@ -19,16 +19,22 @@ from tests.support.viewer import viewer
 
 pytestmark = pytest.mark.e2e
 
+ACTUATORS = '{"names": ["th_b"], "positions": [0.1]}'
+
 
 @pytest.fixture(scope="module")
 def run_folder(tmp_path_factory):
-    """Some seconds of a pipeline: the robot moves, the other foot is fixed, a target is refused; stopped by Ctrl-C."""
+    """Some seconds of a pipeline: the robot moves, the other foot is fixed, two targets are refused; stopped by Ctrl-C."""
     with started(hyrecro_command("up", "--set", "mapper.map_rate_hz=5"), tmp_path_factory.mktemp("record")) as running:
         wait_for_services(running, ALL_SERVICES)
         children = running.children()
         assert running.hyrecro("robot", "joints", "-0.3", "0", "0.3", "0", "0", "0.3", "0", "-0.3").returncode == 0
         wait_until(lambda: running.state()["stamp_s"] > 3, "three seconds of simulated time")
         assert running.hyrecro("robot", "leg", "B").returncode == 0
+        assert running.hyrecro("sim", "speed", "1").returncode == 0
+        assert running.zenoh("put", "-k", "hyrecro/actuators/target", "-v", ACTUATORS).returncode == 0
+        in_the_air = ("--point", "0", "0", "20", "--normal", "0", "0", "1")
+        assert running.hyrecro("robot", "step", *in_the_air).returncode == 1
         assert running.hyrecro("robot", "joints", "9", "0", "0", "0", "0", "0", "0", "0").returncode == 1
         wait_until(lambda: running.state()["stamp_s"] > 5, "five seconds of simulated time")
         assert running.stop(signal.SIGINT) == 130
