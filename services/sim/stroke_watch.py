@@ -9,17 +9,16 @@ from shared.robot.actuators import ActuatorGeometry, actuator_refusals
 
 
 class StrokeWatch:
-    """Remembers which actuators are beyond their strokes: the prototype could not follow there."""
+    """Notices when pistons leave their strokes: the prototype could not follow there."""
 
     def __init__(self, geometry: ActuatorGeometry) -> None:
         self._geometry = geometry
-        self._known: set[str] = set()
+        self._is_beyond = False
 
     def look(self, values: NDArray[np.float64]) -> list[str]:
-        """A text for each actuator of (10,) that was not beyond its stroke when looked at last."""
-        reasons = {
-            text.split(" ")[0]: f"beyond its stroke: {text}" for text in actuator_refusals(values, self._geometry)
-        }
-        news = [text for name, text in reasons.items() if name not in self._known]
-        self._known = set(reasons)
-        return news
+        """A text if some actuators of (10,) are beyond their strokes and none was when looked at last."""
+        reasons = actuator_refusals(values, self._geometry)
+        was_beyond, self._is_beyond = self._is_beyond, bool(reasons)
+        if was_beyond or not reasons:
+            return []
+        return [f"the joints ask for more than the pistons' strokes: {'; '.join(reasons)}"]

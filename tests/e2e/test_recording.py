@@ -24,7 +24,7 @@ ACTUATORS = '{"names": ["th_b"], "positions": [0.1]}'
 
 @pytest.fixture(scope="module")
 def run_folder(tmp_path_factory):
-    """Some seconds of a pipeline: the robot moves, the other foot is fixed, two targets are refused; stopped by Ctrl-C."""
+    """Some seconds of a pipeline: the robot moves, changes its foot, refuses two targets; stopped by Ctrl-C."""
     with started(hyrecro_command("up", "--set", "mapper.map_rate_hz=5"), tmp_path_factory.mktemp("record")) as running:
         wait_for_services(running, ALL_SERVICES)
         children = running.children()
