@@ -7,10 +7,9 @@ from collections.abc import Iterator
 
 from services.player.player import Player
 from services.sim.climbing_sim import ClimbingSim
+from services.sim.node import load_sim
 from shared.messaging.messages import Event, JointState, JointTarget, LegState, LegTarget, Message
-from shared.robot.urdf import read_urdf
 from shared.runtime.config import Config
-from shared.world.files import load_structure
 
 
 def climb_messages(config: Config, player: Player) -> Iterator[Message]:
@@ -19,14 +18,7 @@ def climb_messages(config: Config, player: Player) -> Iterator[Message]:
     Raises:
         InputFileError: robot or structure are not usable. RefusedError, PlaybackError: the climb cannot be carried out.
     """
-    sim = ClimbingSim(
-        config.sim,
-        urdf_text=read_urdf(config.robot),
-        structure=load_structure(config.structure),
-        mark_text=read_urdf(config.fixed_foot_mark),
-        seed=config.seed,
-        source=str(config.robot),
-    )
+    sim = load_sim(config)
     try:
         yield from _answered(sim, player, sim.start())
         while not player.is_done:

@@ -7,6 +7,7 @@ import numpy as np
 from services.planner.step_planning import StepPlan
 from shared.geometry import Float
 from shared.messaging.messages import FootPhase
+from shared.robot.ramps import ramped_share
 
 PHASES = (FootPhase.LIFT, FootPhase.TRANSFER, FootPhase.LANDING)
 
@@ -60,17 +61,5 @@ class _Phase:
         self._ramp_s = ramp_s
 
     def q_at(self, time_s: float) -> Float:
-        even_s = self._share(time_s) * self._times_s[-1]
-        return np.array([np.interp(even_s, self._times_s, column) for column in self._q.T])
-
-    def _share(self, time_s: float) -> float:
-        """Of the way, with even speed between the ramps."""
-        time_s, left_s = max(time_s, 0.0), self.total_s - time_s
-        if left_s <= 0:
-            return 1.0
-        top_s = self.total_s - self._ramp_s
-        if time_s < self._ramp_s:
-            return time_s**2 / (2 * self._ramp_s * top_s)
-        if left_s < self._ramp_s:
-            return 1.0 - left_s**2 / (2 * self._ramp_s * top_s)
-        return (time_s - self._ramp_s / 2) / top_s
+        share = ramped_share(time_s, self.total_s, self._ramp_s)[0]
+        return np.array([np.interp(share * self._times_s[-1], self._times_s, column) for column in self._q.T])

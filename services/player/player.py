@@ -20,6 +20,7 @@ from shared.messaging.messages import (
     Message,
     Severity,
 )
+from shared.robot.ramps import ramped_share
 from shared.runtime.config import PlayerConfig
 
 _RADIANS_PER_METRE = 10.0
@@ -130,12 +131,7 @@ class Player:
         """Share of the way to the next target: even, or with a ramp at either end where a speed is set."""
         total_s = self._num_steps / self._config.rate_hz
         ramp_s = min(self._config.ramp_s, total_s / 2) if self._config.speed_radps is not None else 0.0
-        left_s = total_s - elapsed_s
-        if elapsed_s < ramp_s:
-            return elapsed_s**2 / (2 * ramp_s * (total_s - ramp_s))
-        if left_s < ramp_s:
-            return 1.0 - left_s**2 / (2 * ramp_s * (total_s - ramp_s))
-        return (elapsed_s - ramp_s / 2) / (total_s - ramp_s)
+        return ramped_share(elapsed_s, total_s, ramp_s)[0]
 
     def _next_move(self) -> None:
         self._index += 1

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.robot.ramps import ramped_share
+
 Joints = NDArray[np.float64]
 
 
@@ -26,28 +28,15 @@ class JointMotion:
 
     def at(self, stamp_ns: int) -> tuple[Joints, Joints]:
         """Positions and velocities (J,) at a time; exactly `q_end` from the end on."""
-        elapsed_ns = stamp_ns - self.start_ns
-        if elapsed_ns >= self.duration_ns:
+        share, share_per_ns = ramped_share(stamp_ns - self.start_ns, self.duration_ns, self.ramp_ns)
+        if share == 1.0:
             return self.q_end, np.zeros_like(self.q_end)
-        if elapsed_ns < 0:
-            return self.q_start, np.zeros_like(self.q_start)
         way = self.q_end - self.q_start
-        share, share_per_ns = self._share(elapsed_ns)
         return self.q_start + share * way, share_per_ns * 1e9 * way
 
     def shifted(self, offset: Joints) -> JointMotion:
         """The same motion with every position moved by an offset (J,)."""
         return replace(self, q_start=self.q_start + offset, q_end=self.q_end + offset)
-
-    def _share(self, elapsed_ns: int) -> tuple[float, float]:
-        """Share of the way, and its change a nanosecond."""
-        even = 1.0 / (self.duration_ns - self.ramp_ns)
-        left_ns = self.duration_ns - elapsed_ns
-        if elapsed_ns < self.ramp_ns:
-            return 0.5 * even * elapsed_ns**2 / self.ramp_ns, even * elapsed_ns / self.ramp_ns
-        if left_ns < self.ramp_ns:
-            return 1.0 - 0.5 * even * left_ns**2 / self.ramp_ns, even * left_ns / self.ramp_ns
-        return even * (elapsed_ns - 0.5 * self.ramp_ns), even
 
 
 def plan_motion(

@@ -21,9 +21,13 @@ from shared.runtime.node import Context, Messages, Node
 from shared.world.files import load_structure
 
 
-def build_node(config: Config, _context: Context) -> Node:
-    """The node that moves the robot and owns simulated time."""
-    sim = ClimbingSim(
+def load_sim(config: Config) -> ClimbingSim:
+    """The simulation of a configuration's robot on its structure.
+
+    Raises:
+        InputFileError, ConfigError: one of the files is not usable.
+    """
+    return ClimbingSim(
         config.sim,
         urdf_text=read_urdf(config.robot),
         structure=load_structure(config.structure),
@@ -31,6 +35,11 @@ def build_node(config: Config, _context: Context) -> Node:
         seed=config.seed,
         source=str(config.robot),
     )
+
+
+def build_node(config: Config, _context: Context) -> Node:
+    """The node that moves the robot and owns simulated time."""
+    sim = load_sim(config)
 
     def stop() -> Messages:
         sim.close()

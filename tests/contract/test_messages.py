@@ -5,8 +5,7 @@ import contextlib
 import msgpack
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from shared.errors import CodecError, MessageError
 from shared.messaging import messages as m

@@ -1,10 +1,8 @@
 from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from services.player.trajectory import MoveTo, read_trajectory
 from services.sim.climbing_sim import ClimbingSim
@@ -26,18 +24,12 @@ from shared.messaging.messages import (
     StructureDescription,
     Transforms,
 )
-from shared.robot.kinematics import FOOT_LINKS, HYRECRO, T_fixed_free
-from shared.robot.urdf import parse_urdf, read_urdf
+from shared.robot.kinematics import T_fixed_free
 from shared.runtime.config import CONFIGS_DIR, SimConfig
-from shared.world.files import load_structure
-from shared.world.structure import Structure
 from shared.world.urdf_format import structure_urdf
+from tests.support.robots import MARK, MODEL, NOTHING, ORIGINAL, URDF, T_world_foot, only, running
 
-URDF = read_urdf(CONFIGS_DIR / "robot" / "hyrecro.urdf")
-MARK = read_urdf(CONFIGS_DIR / "robot" / "fixed_foot.urdf")
-STRUCTURE = load_structure(CONFIGS_DIR / "structures" / "original.yaml")
-NOTHING = Structure("nothing", (), None)
-LIMITS = [parse_urdf(URDF, "hyrecro.urdf").limits[name] for name in JOINT_NAMES]
+LIMITS = [MODEL.limits[name] for name in JOINT_NAMES]
 LINKS = (
     "foot_a",
     "leg_a_lower",
@@ -54,24 +46,6 @@ postures = st.tuples(*(st.floats(limit.lower, limit.upper) for limit in LIMITS))
 feet = st.sampled_from(list(Foot))
 
 
-@contextmanager
-def running(config: SimConfig | None = None, structure: Structure = NOTHING) -> Iterator[ClimbingSim]:
-    sim = ClimbingSim(config or SimConfig(), URDF, structure, MARK)
-    try:
-        yield sim
-    finally:
-        sim.close()
-
-
-def only(kind, messages):
-    (message,) = (message for message in messages if type(message) is kind)
-    return message
-
-
-def T_world_foot(transforms: Transforms, foot: Foot) -> SE3:
-    return FrameTree(transforms).T_root(FOOT_LINKS[foot]) @ HYRECRO.T_link_foot(foot)
-
-
 def assert_still(T: SE3, other: SE3) -> None:
     np.testing.assert_allclose(T.matrix, other.matrix, rtol=0, atol=1e-9)
 
@@ -80,7 +54,7 @@ def assert_still(T: SE3, other: SE3) -> None:
 
 
 def test_it_starts_with_descriptions_and_states_at_time_zero():
-    with running(structure=STRUCTURE) as sim:
+    with running(structure=ORIGINAL) as sim:
         messages = sim.start()
     kinds = {RobotDescription, FixedFootDescription, StructureDescription, JointState, Transforms, Clock, LegState}
     kinds |= {ActuatorState}
@@ -88,7 +62,7 @@ def test_it_starts_with_descriptions_and_states_at_time_zero():
     assert {(message.stamp_ns, message.seq) for message in messages} == {(0, 0)}
     assert only(RobotDescription, messages).urdf == URDF
     assert only(RobotDescription, messages).frame == only(JointState, messages).frame == "foot_a"
-    assert only(StructureDescription, messages).urdf == structure_urdf(STRUCTURE)
+    assert only(StructureDescription, messages).urdf == structure_urdf(ORIGINAL)
     leg = only(LegState, messages)
     assert (leg.fixed_foot, leg.frame, leg.has_contact) == (Foot.A, "world", True)
     expected = SE3.from_rpy((0, 0, np.pi / 2), (0, -0.775, 10.105))
@@ -135,7 +109,7 @@ def test_leg_state_comes_at_its_rate_and_on_change():
 
 
 def test_a_foot_in_the_air_has_no_contact():
-    with running(SimConfig(initial_foot_xyz_m=(0.0, -0.775, 10.1117)), STRUCTURE) as sim:
+    with running(SimConfig(initial_foot_xyz_m=(0.0, -0.775, 10.1117)), ORIGINAL) as sim:
         assert only(LegState, sim.start()).has_contact is False
 
 
@@ -287,7 +261,7 @@ def gap_and_angle(T_world_foot: SE3) -> tuple[float, float]:
     """Metres from the sole's farthest corner to the steel face below it, and radians to the face's normal."""
     best = (np.inf, np.inf)
     corners = np.array([[x, y, -0.005] for x in (-0.05, 0.05) for y in (-0.05, 0.05)])
-    for bar in STRUCTURE.members:
+    for bar in ORIGINAL.members:
         T_bar_foot = bar.T_world_member.inv() @ T_world_foot
         axis = int(np.argmax(np.abs(T_bar_foot.rotation[:, 2])))
         side = np.sign(T_bar_foot.rotation[axis, 2])

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from shared.climbing.convex import Zonotopes, depths, depths_in_faces, stacked, zonotope
 from shared.geometry import SE3

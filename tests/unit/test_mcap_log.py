@@ -13,8 +13,7 @@ from mcap_ros2.decoder import DecoderFactory
 from services.recorder.mcap_log import COUNTS_METADATA, RUN_METADATA, McapLog, RecordingError
 from services.recorder.ros_messages import ROS_FORMS
 from shared.errors import MessageError
-from shared.messaging import channels as c
-from shared.messaging import messages as m
+from shared.messaging import channels as c, messages as m
 from tests.support.examples import EXAMPLES
 
 RUN = {"version": "0.1.0", "seed": "5", "config": "mapper: {voxel_size_m: 0.1}\n"}

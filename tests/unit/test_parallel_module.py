@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from shared.robot.parallel_module import ModuleGeometry, pistons_from_platform, platform_from_pistons
 

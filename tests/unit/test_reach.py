@@ -2,8 +2,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
 from shared.geometry import SE3
 from shared.messaging.messages import Foot
