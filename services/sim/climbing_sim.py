@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from services.sim.actuation import actuator_geometry, actuator_motion
 from services.sim.body import Body
 from services.sim.dynamic_body import DynamicBody
 from services.sim.encoders import Encoders
@@ -41,13 +42,12 @@ from shared.messaging.messages import (
     StructureDescription,
     Transforms,
 )
-from shared.robot.actuators import ActuatorGeometry, actuators_from_joints
+from shared.robot.actuators import actuators_from_joints
 from shared.robot.description import UrdfModel
 from shared.robot.kinematics import FOOT_LINKS
 from shared.robot.limits import joint_bounds
-from shared.robot.parallel_module import ModuleGeometry
 from shared.robot.urdf import parse_urdf
-from shared.runtime.config import ActuatorConfig, SimConfig
+from shared.runtime.config import SimConfig
 from shared.world.structure import Structure
 from shared.world.urdf_format import structure_urdf
 
@@ -194,7 +194,7 @@ class ClimbingSim:
     def _states(self) -> list[Message]:
         q, dq = self._encoders.read(self._body.q), self._body.dq
         slides, dslides = self._slides.at(self._time.stamp_ns)
-        positions, velocities = _actuator_motion(q, dq, slides, dslides, self._actuators)
+        positions, velocities = actuator_motion(q, dq, slides, dslides, self._actuators)
         T_parent_child = np.vstack([self._tree.edges(self._body.poses()), self._body.T_world_foot.xyz_quat_xyzw])
         return [
             self._stamped(JointState, self._tree.root, q=q, dq=dq, effort=self._body.effort),
@@ -241,17 +241,6 @@ class ClimbingSim:
         return kind(stamp_ns=self._time.stamp_ns, seq=seq, frame=frame, **fields)
 
 
-def actuator_geometry(config: ActuatorConfig) -> ActuatorGeometry:
-    """The actuators of a configuration."""
-    module = ModuleGeometry(
-        base_half_m=config.base_half_m,
-        platform_half_m=config.platform_half_m,
-        min_piston_m=config.min_piston_m,
-        max_piston_m=config.max_piston_m,
-    )
-    return ActuatorGeometry(module=module, core_link_m=config.core_link_m)
-
-
 def _generators(seed: int) -> list[np.random.Generator]:
     """One each for the encoders and the slips, so that neither's draws disturb the other's."""
     return np.random.default_rng(seed).spawn(2)
@@ -262,14 +251,6 @@ def _build_body(config: SimConfig, urdf_text: str, model: UrdfModel, structure: 
     if config.mode == "dynamic":
         return DynamicBody(urdf_text, model, structure, config, T_world_foot, slip)
     return KinematicBody(urdf_text, SteelSurface(structure), config.initial_foot, T_world_foot, slip)
-
-
-def _actuator_motion(q: Any, dq: Any, slides: Any, dslides: Any, geometry: ActuatorGeometry) -> tuple[Any, Any]:
-    """Positions and velocities (10,) of the actuators; the velocities by a difference over a millisecond."""
-    half_s = 5e-4
-    times = np.array([[0.0], [-half_s], [half_s]])
-    now, before, after = actuators_from_joints(q + times * dq, slides + times * dslides, geometry)
-    return now, (after - before) / (2 * half_s)
 
 
 def _check_robot(model: UrdfModel, source: str) -> None:

@@ -64,7 +64,7 @@ class DynamicBody:
         self._hold_poses: dict[Foot, SE3] = {}
         self._path: list[SE3] = []
         self._release_ns: int | None = None
-        self._news = self._take_hold(self._fixed_foot)
+        self._news = self._take_hold(self._fixed_foot, SE3.identity())
         self._read_joints()
 
     def advance(self, motion: JointMotion, from_ns: int, to_ns: int) -> list[str]:
@@ -86,7 +86,7 @@ class DynamicBody:
             self._release_ns = None
             self._release(foot.other)  # a change that was under way is called off
             return []
-        news = [] if foot in self._hold_poses else self._take_hold(foot)
+        news = [] if foot in self._hold_poses else self._take_hold(foot, self._slip.next())
         if foot in self._hold_poses and foot.other in self._hold_poses:
             self._release_ns = stamp_ns + self._overlap_ns
             return news
@@ -124,13 +124,14 @@ class DynamicBody:
         """Ends the engine."""
         self._physics.engine.close()
 
-    def _take_hold(self, foot: Foot) -> list[str]:
+    def _take_hold(self, foot: Foot, T_foot_slipped: SE3) -> list[str]:
         T_world_foot = self._physics.T_world_foot(foot)
         contact = self._steel.under_sole(T_world_foot)
         magnet = self._magnets[foot]
         if not magnet.can_hold(contact):
             return [magnet.no_hold_text(contact)]
         self._hold(foot, T_world_foot)
+        self._T_foot_slipped = T_foot_slipped
         if foot.other not in self._hold_poses:
             self._draw_flush(foot)
         return []
@@ -142,7 +143,7 @@ class DynamicBody:
     def _draw_flush(self, foot: Foot) -> None:
         """Plans how the hold moves from where the foot took it to flush on the steel, and as far as it slips there."""
         start = self._hold_poses[foot]
-        goal = (self._steel.flush_pose(start) or start) @ self._slip.next()
+        goal = (self._steel.flush_pose(start) or start) @ self._T_foot_slipped
         way = (start.inv() @ goal).log()
         shares = np.linspace(0, 1, self._num_settle_steps + 1)[1:]
         self._path = [start @ SE3.exp(share * way) for share in shares] if np.abs(way).max() > 1e-12 else []
