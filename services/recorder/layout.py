@@ -56,10 +56,11 @@ def build_layout() -> rrb.Blueprint:
     curves = rrb.Vertical(
         rrb.TimeSeriesView(origin=f"{c.JOINTS_STATE.topic}/position", name="Joints (rad; q2, q7 in m)"),
         _state_view(),
+        _curve_view("Holding margin (1 unloaded, 0 lets go)", c.LEG_STATE, {"margin": "margin"}),
         _curve_view("Registration (ms)", c.MAP_STATUS, {"registration_ms": "registration", "lag_ms": "lag"}),
         _curve_view("Error of the estimate (m)", c.EVAL_METRICS, {"ate_rmse_m": "ATE", "last_error_m": "last"}),
         rrb.TextLogView(origin=c.EVENTS.topic, name="Events"),
-        row_shares=[3, 1, 2, 2, 2],
+        row_shares=[2.5, 1.4, 1.5, 1.7, 1.7, 1.6],
     )
     return rrb.Blueprint(
         rrb.Horizontal(_space_view(), curves, column_shares=[3, 2]),

@@ -28,6 +28,11 @@ class FootState:
     margin: float | None = None
 
 
+def pull_n(wrench: NDArray[np.float64]) -> float:
+    """How hard the magnet of a foot is pulled at, of the wrench (6,) that the steel exerts on it."""
+    return max(0.0, -float(wrench[2]))
+
+
 class Body(Protocol):
     """A robot on a structure whose joints follow a commanded motion.
 

@@ -250,7 +250,7 @@ def _build_body(config: SimConfig, urdf_text: str, model: UrdfModel, structure: 
     T_world_foot = SE3.from_rpy(np.deg2rad(config.initial_foot_rpy_deg), config.initial_foot_xyz_m)
     if config.mode == "dynamic":
         return DynamicBody(urdf_text, model, structure, config, T_world_foot, slip)
-    return KinematicBody(urdf_text, SteelSurface(structure), config.initial_foot, T_world_foot, slip)
+    return KinematicBody(urdf_text, model, SteelSurface(structure), config, T_world_foot, slip)
 
 
 def _check_robot(model: UrdfModel, source: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sim.body import FootState, Joints
+from services.sim.body import FootState, Joints, pull_n
 from services.sim.magnet import Magnet
 from services.sim.motion import JointMotion
 from services.sim.physics import Physics
@@ -112,7 +112,7 @@ class DynamicBody:
             has_contact=magnet.can_hold(contact),
             holding=tuple(each for each in Foot if each in self._hold_poses),
             wrench=wrench,
-            load_n=None if wrench is None else max(0.0, -float(wrench[2])),
+            load_n=None if wrench is None else pull_n(wrench),
             margin=None if wrench is None else magnet.margin(wrench),
         )
 

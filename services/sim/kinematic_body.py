@@ -1,18 +1,22 @@
-"""A robot without forces: the fixed foot stands still, the joints are where they are commanded."""
+"""A robot that cannot fall: the fixed foot stands still, the joints are where they are commanded."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sim.body import FootState, Joints
+from services.sim.body import FootState, Joints, pull_n
 from services.sim.engine import Engine
+from services.sim.magnet import Magnet
 from services.sim.motion import JointMotion
 from services.sim.slip import Slip
 from shared.climbing.steel import SteelSurface
 from shared.geometry import SE3
 from shared.messaging.messages import JOINT_NAMES, Foot
+from shared.robot.description import UrdfModel
 from shared.robot.kinematics import FOOT_LINKS, HYRECRO
+from shared.robot.statics import RobotMasses, holding_wrench
+from shared.runtime.config import SimConfig
 
 _MAX_GAP_M, _MAX_ANGLE_RAD = 1e-3, np.deg2rad(1.0)
 """A sole this near to steel touches it: assumed, it leaves room for rounded trajectories."""
@@ -21,13 +25,20 @@ _MAX_GAP_M, _MAX_ANGLE_RAD = 1e-3, np.deg2rad(1.0)
 class KinematicBody:
     """Fulfils `Body`. The fixed foot does not move, and changing it moves no link, unless it slips.
 
-    T_world_foot: where the plate of `initial_foot` stands at the start.
+    It bears what statics says, and nothing comes of it if that is too much.
+
+    T_world_foot: where the plate of `config.initial_foot` stands at the start.
     """
 
-    def __init__(self, urdf_text: str, steel: SteelSurface, initial_foot: Foot, T_world_foot: SE3, slip: Slip) -> None:
+    def __init__(
+        self, urdf_text: str, model: UrdfModel, steel: SteelSurface, config: SimConfig, T_world_foot: SE3, slip: Slip
+    ) -> None:
         self._engine = Engine(urdf_text, JOINT_NAMES)
         self._steel = steel
-        self._initial = (initial_foot, T_world_foot)
+        self._masses = RobotMasses.from_urdf(model)
+        self._gravity_mps2 = config.dynamics.gravity_mps2
+        self._magnets = {foot: Magnet(foot, config.magnets) for foot in Foot}
+        self._initial = (config.initial_foot, T_world_foot)
         self._slip = slip
         self.links = self._engine.links
         self.effort: Joints | None = None
@@ -60,13 +71,18 @@ class KinematicBody:
         return self._T_world_held @ HYRECRO.T_link_foot(self._fixed_foot)
 
     def foot_state(self) -> FootState:
-        """The fixed foot holds whatever it stands on, or nothing at all."""
-        contact = self._steel.under_sole(self.T_world_foot)
+        """The fixed foot holds, whatever it stands on and bears."""
+        foot, T_world_foot = self._fixed_foot, self.T_world_foot
+        contact = self._steel.under_sole(T_world_foot)
+        wrench = holding_wrench(self.q, foot, T_world_foot.rotation, self._masses, self._gravity_mps2)
         return FootState(
-            fixed_foot=self._fixed_foot,
-            T_world_foot=self.T_world_foot,
+            fixed_foot=foot,
+            T_world_foot=T_world_foot,
             has_contact=contact.is_flush(_MAX_GAP_M, _MAX_ANGLE_RAD),
-            holding=(self._fixed_foot,),
+            holding=(foot,),
+            wrench=wrench,
+            load_n=pull_n(wrench),
+            margin=self._magnets[foot].margin(wrench),
         )
 
     def poses(self) -> NDArray[np.float64]:

@@ -193,7 +193,7 @@ class LegState(Measurement):
     T_world_foot: pose of the fixed foot's plate centre. has_contact: whether its sole is flush with steel. holding: the
     feet that hold on: both during a change, none in a fall. wrench: what the structure exerts on the fixed foot, about
     its sole's centre, along its plate's axes. load_n: pull on its magnet. margin: what is left of the magnet's limits
-    (1 = unloaded, 0 = lets go). None = not simulated.
+    (1 = unloaded, 0 = lets go); in mode kinematic those of statics. None = unknown, or the foot does not hold.
     """
 
     fixed_foot: Foot

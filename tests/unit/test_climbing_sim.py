@@ -24,7 +24,9 @@ from shared.messaging.messages import (
     StructureDescription,
     Transforms,
 )
+from shared.robot.adhesion import MagnetLimits, margin
 from shared.robot.kinematics import T_fixed_free
+from shared.robot.statics import RobotMasses
 from shared.runtime.config import CONFIGS_DIR, SimConfig
 from shared.world.urdf_format import structure_urdf
 from tests.support.robots import MARK, MODEL, NOTHING, ORIGINAL, URDF, T_world_foot, only, running
@@ -289,3 +291,14 @@ def test_the_climb_goes_from_beam_over_a_post_to_a_beam():
     normals = [(T @ T_fixed_free(q, fixed)).rotation[:, 2].round(3).tolist() for fixed, _, q, T in landings()]
     up, south, east = [0, 0, 1], [0, -1, 0], [1, 0, 0]
     assert normals == [up, south, south, east, east, up, up, up, up]
+
+
+def test_the_fixed_foot_says_what_it_would_bear():
+    with running(SimConfig(initial_foot_rpy_deg=(90, 0, 0))) as sim:
+        state = only(LegState, sim.start())
+    weight_n = RobotMasses.from_urdf(MODEL).total_kg * 9.81
+    np.testing.assert_allclose(state.wrench[:3], [0, weight_n, 0], atol=1e-9)
+    assert state.holding == (Foot.A,)
+    assert state.load_n == pytest.approx(0.0, abs=1e-9)
+    assert state.margin == pytest.approx(float(margin(state.wrench, MagnetLimits())))
+    assert 0.0 < state.margin < 0.5
