@@ -94,7 +94,7 @@ def _facade_step_s(config: SimConfig, structure: Structure, seconds: float) -> f
 
 
 def _engine_step_s(structure: Structure, config: DynamicsConfig, seconds: float) -> float:
-    physics = Physics(_URDF, parse_urdf(_URDF, "hyrecro.urdf"), structure, config)
+    physics = Physics(_URDF, parse_urdf(_URDF, "hyrecro.urdf"), structure, config, 1 / config.step_hz)
     T_world_foot = SE3.from_rpy((0, 0, np.pi / 2), _IN_THE_AIR_M)
     physics.place(Foot.A, T_world_foot)
     physics.hold(Foot.A, T_world_foot)
@@ -102,7 +102,13 @@ def _engine_step_s(structure: Structure, config: DynamicsConfig, seconds: float)
 
 
 def _peer_step_s(structure: Structure, config: DynamicsConfig, seconds: float) -> float:
-    physics = Physics(_URDF, parse_urdf(_URDF, "hyrecro.urdf"), Structure("none", (), structure.ground_z_m), config)
+    physics = Physics(
+        _URDF,
+        parse_urdf(_URDF, "hyrecro.urdf"),
+        Structure("none", (), structure.ground_z_m),
+        config,
+        1 / config.step_hz,
+    )
     client = physics.engine.client
     for member in structure.members:
         assert isinstance(member.solid, Box)

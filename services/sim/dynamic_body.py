@@ -41,12 +41,13 @@ class DynamicBody:
         slip: Slip,
     ) -> None:
         dynamics = config.dynamics
-        self._physics = Physics(urdf_text, model, structure, dynamics)
+        self._num_steps = max(1, round(dynamics.step_hz / config.rate_hz))
+        self._step_s = 1.0 / (config.rate_hz * self._num_steps)  # so that a period is a whole number of steps
+        self._physics = Physics(urdf_text, model, structure, dynamics, self._step_s)
         self._steel = SteelSurface(structure)
         self._initial = (config.initial_foot, T_world_foot)
         self._overlap_ns = round(config.magnets.overlap_s * 1e9)
-        self._step_s = 1.0 / dynamics.step_hz
-        self._num_settle_steps = max(1, round(_SETTLE_S * dynamics.step_hz))
+        self._num_settle_steps = max(1, round(_SETTLE_S / self._step_s))
         max_velocity = np.array([model.limits[name].velocity for name in JOINT_NAMES])
         self._setpoint = Setpoint(max_velocity, max_velocity / dynamics.ramp_s, dynamics.bandwidth_hz)
         self._magnets = {foot: Magnet(foot, config.magnets) for foot in Foot}
@@ -69,9 +70,9 @@ class DynamicBody:
 
     def advance(self, motion: JointMotion, from_ns: int, to_ns: int) -> list[str]:
         """Goes on in steps of the engine; magnets are judged by the mean load of the whole period."""
-        num_steps = max(1, round((to_ns - from_ns) * 1e-9 / self._step_s))
-        for step in range(1, num_steps + 1):
-            self._setpoint.follow(*motion.at(from_ns + (to_ns - from_ns) * step // num_steps), self._step_s)
+        for step in range(1, self._num_steps + 1):
+            stamp_ns = from_ns + (to_ns - from_ns) * step // self._num_steps
+            self._setpoint.follow(*motion.at(stamp_ns), self._step_s)
             self._physics.drive(self._setpoint.q, self._setpoint.dq)
             self._settle()
             self._physics.step()

@@ -24,12 +24,14 @@ _POSITION_GAIN, _VELOCITY_GAIN = 0.5, 1.0
 
 
 class Physics:
-    """Steps of fixed length. All members are one body of triangles: a step hardly grows with their number.
+    """Steps of fixed length, `step_s`. All members are one body of triangles: a step hardly grows with their number.
 
     Coordinates are the world's. A held foot does not touch: all load goes into its hold, which reports it as a wrench.
     """
 
-    def __init__(self, urdf_text: str, model: UrdfModel, structure: Structure, config: DynamicsConfig) -> None:
+    def __init__(
+        self, urdf_text: str, model: UrdfModel, structure: Structure, config: DynamicsConfig, step_s: float
+    ) -> None:
         self.engine = Engine(urdf_text, JOINT_NAMES, is_free=True)
         self._client, self._robot = self.engine.client, self.engine.robot
         self._efforts = [model.limits[name].effort for name in JOINT_NAMES]
@@ -41,7 +43,7 @@ class Physics:
             self._add_ground(structure.ground_z_m)
         pybullet.setGravity(0, 0, -config.gravity_mps2, **self._client)
         pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=1.0 / config.step_hz,
+            fixedTimeStep=step_s,
             numSolverIterations=config.num_solver_iterations,
             solverResidualThreshold=0,
             **self._client,
@@ -74,7 +76,7 @@ class Physics:
         )
 
     def step(self) -> None:
-        """Goes on by 1 / step_hz."""
+        """Goes on by `step_s`."""
         pybullet.stepSimulation(**self._client)
         for foot, hold in self._holds.items():
             self._loads[foot].append(pybullet.getConstraintState(hold, **self._client))

@@ -82,6 +82,7 @@ class DynamicsConfig(Section):
 
     gravity_mps2: float = Field(9.81, ge=0, le=100)
     step_hz: float = Field(1000.0, ge=100, le=10_000)
+    """About how often the engine steps: as often as makes whole steps of a period of sim.rate_hz."""
     num_solver_iterations: int = Field(100, ge=1, le=10_000)
     ramp_s: float = Field(0.2, gt=0, le=10)
     """The drives take this long from rest to their velocity limit."""

@@ -172,3 +172,14 @@ def test_after_a_fall_a_reset_puts_it_back():
     assert last(JointState, after).stamp_ns == 3_000_000_000
     np.testing.assert_allclose(last(JointState, after).q, np.zeros(8), atol=1e-4)
     np.testing.assert_allclose(last(LegState, after).T_world_foot[:3], [0, -0.775, 10.105], atol=1e-5)
+
+
+@pytest.mark.parametrize("rate_hz", [30.0, 100.0, 1000.0])
+def test_physics_goes_by_simulated_time_at_any_rate(rate_hz):
+    with running(SimConfig(mode="dynamic", rate_hz=rate_hz, initial_foot_xyz_m=(0, 0, 100))) as sim:
+        sim.start()
+        for _ in range(round(rate_hz)):
+            messages = sim.step()
+    transforms = only(Transforms, messages)
+    assert transforms.stamp_ns == 1_000_000_000
+    assert T_world_foot(transforms, Foot.A).translation[2] == pytest.approx(100 - 9.81 / 2, abs=0.02)

@@ -29,7 +29,7 @@ def fine_slab() -> Mesh:
 @pytest.mark.parametrize("solid", [Box((1, 1, 0.1)), Cylinder(0.6, 0.1), fine_slab()], ids=["box", "tube", "mesh"])
 def test_steel_of_any_shape_bears_the_robot(solid):
     structure = Structure("s", (Member("slab", solid, SE3.trans(z_m=-0.05)),), None)
-    physics = Physics(URDF, MODEL, structure, DynamicsConfig())
+    physics = Physics(URDF, MODEL, structure, DynamicsConfig(), 1e-3)
     physics.place(Foot.A, SE3.trans(z_m=0.03))
     for _ in range(600):
         physics.drive(np.zeros(8), np.zeros(8))
@@ -40,7 +40,7 @@ def test_steel_of_any_shape_bears_the_robot(solid):
 
 
 def test_without_steel_it_falls_freely():
-    physics = Physics(URDF, MODEL, NOTHING, DynamicsConfig(gravity_mps2=2.0))
+    physics = Physics(URDF, MODEL, NOTHING, DynamicsConfig(gravity_mps2=2.0), 1e-3)
     physics.place(Foot.B, SE3.trans(z_m=1.0))
     for _ in range(1000):
         physics.drive(np.zeros(8), np.zeros(8))
@@ -51,7 +51,7 @@ def test_without_steel_it_falls_freely():
 
 def test_a_hold_can_be_moved_and_its_wrench_is_in_the_foots_frame():
     T = SE3.from_rpy((0.4, -0.7, 1.1), (1.0, 2.0, 3.0))
-    physics = Physics(URDF, MODEL, NOTHING, DynamicsConfig())
+    physics = Physics(URDF, MODEL, NOTHING, DynamicsConfig(), 1e-3)
     physics.place(Foot.B, T)
     physics.hold(Foot.B, T)
     moved = T @ SE3.trans(x_m=1e-3)
