@@ -18,7 +18,7 @@ from shared.runtime.exit_codes import Exit
 
 _MIN_DISK_GIB = 2.0
 _MIN_SHM_MIB = 256
-_LIBRARIES = ("zenoh", "numpy", "open3d", "small_gicp", "pybullet", "mcap", "rosbags", "rerun")
+_LIBRARIES = ("zenoh", "numpy", "open3d", "small_gicp", "pybullet", "mcap", "rosbags", "rerun", "trimesh")
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,7 +37,7 @@ class Kind(StrEnum):
 @app.command()
 def new(
     kind: Annotated[Kind, typer.Argument(help="What to make.")],
-    out: OutArgument,
+    out: Annotated[Path | None, typer.Argument(help="File to write, by its suffix; default KIND.yaml here.")] = None,
     spacing: Annotated[float, typer.Option(help="From node to node [m].")] = 2.0,
     width: Annotated[float, typer.Option(help="Of the square bars [m].")] = 0.15,
     bays: Annotated[str, typer.Option(help="Along x, y and z. [default: 2x2x3, tower 1x1x6]", metavar="AxBxC")] = "",
@@ -72,6 +72,7 @@ def new(
             structure = make(lattice)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
+    out = out or Path(f"{kind}.yaml")
     save_structure(structure, out)
     typer.echo(f"{summary_of(structure)}\n{out}")
 

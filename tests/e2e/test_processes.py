@@ -58,7 +58,7 @@ def test_help_needs_no_heavy_imports():
     assert run(sys.executable, "-c", code).stdout == "[]\n"
     help_ = run("hyrecro", "--help")
     assert help_.returncode == 0
-    for verb in ("up", "demo", "router", "doctor", "robot", "config"):
+    for verb in ("up", "demo", "simulate", "router", "doctor", "robot", "sim", "config", "structure"):
         assert verb in help_.stdout
 
 

@@ -26,9 +26,9 @@ def run(*words):
 
 @pytest.mark.parametrize("kind", ["orthogonal", "crossed", "tower"])
 def test_each_kind_is_made(tmp_path, kind):
-    code, said = run("new", kind, "made.yaml")
-    assert code == 0
-    structure = load_structure(tmp_path / "made.yaml")
+    code, said = run("new", kind)
+    assert (code, said.splitlines()[-1]) == (0, f"{kind}.yaml")
+    structure = load_structure(tmp_path / f"{kind}.yaml")
     assert structure.name == kind
     assert f"members: {len(structure.members)} boxes" in said
 
