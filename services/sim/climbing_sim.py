@@ -21,7 +21,7 @@ from services.sim.stroke_watch import StrokeWatch
 from services.sim.targets import resolve_actuators, resolve_joints
 from shared.climbing.steel import SteelSurface
 from shared.errors import InputFileError, RefusedError
-from shared.geometry import SE3
+from shared.geometry import SE3, Float
 from shared.messaging.messages import (
     JOINT_NAMES,
     ActuatorState,
@@ -179,12 +179,12 @@ class ClimbingSim:
         self._slip.reseed(slip_rng)
         self._stop(self._slides.at(self._time.stamp_ns)[0])
 
-    def _stop(self, slides: Any) -> None:
+    def _stop(self, slides: Float) -> None:
         q = self._body.q + self._encoders.bias
         self._motion = JointMotion(q, q)
         self._slides = JointMotion(slides, slides)
 
-    def _set_off(self, q: Any, slides: Any, duration_s: float | None) -> None:
+    def _set_off(self, q: Float, slides: Float, duration_s: float | None) -> None:
         now_ns = self._time.stamp_ns
         q_now, slides_now = self._motion.at(now_ns)[0], self._slides.at(now_ns)[0]
         slide_s = float(np.max(np.abs(slides - slides_now))) / _MAX_SLIDE_MPS
@@ -209,7 +209,7 @@ class ClimbingSim:
             self._clock(),
         ]
 
-    def _true_actuators(self) -> Any:
+    def _true_actuators(self) -> Float:
         return actuators_from_joints(self._body.q, self._slides.at(self._time.stamp_ns)[0], self._actuators)
 
     def _clock(self) -> Clock:

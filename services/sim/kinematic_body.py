@@ -10,12 +10,13 @@ from services.sim.engine import Engine
 from services.sim.magnet import Magnet
 from services.sim.motion import JointMotion
 from services.sim.slip import Slip
+from shared.climbing.holding import Holding
 from shared.climbing.steel import SteelSurface
 from shared.geometry import SE3
 from shared.messaging.messages import JOINT_NAMES, Foot
 from shared.robot.description import UrdfModel
 from shared.robot.kinematics import FOOT_LINKS, HYRECRO
-from shared.robot.statics import RobotMasses, holding_wrench
+from shared.robot.statics import holding_wrench
 from shared.runtime.config import SimConfig
 
 _MAX_GAP_M, _MAX_ANGLE_RAD = 1e-3, np.deg2rad(1.0)
@@ -28,6 +29,9 @@ class KinematicBody:
     It bears what statics says, and nothing comes of it if that is too much.
 
     T_world_foot: where the plate of `config.initial_foot` stands at the start.
+
+    Raises:
+        InputFileError: pybullet cannot load the URDF, or a mass in it belongs to no link of the robot.
     """
 
     def __init__(
@@ -35,7 +39,7 @@ class KinematicBody:
     ) -> None:
         self._engine = Engine(urdf_text, JOINT_NAMES)
         self._steel = steel
-        self._masses = RobotMasses.from_urdf(model)
+        self._masses = Holding.of(model).masses
         self._gravity_mps2 = config.dynamics.gravity_mps2
         self._magnets = {foot: Magnet(foot, config.magnets) for foot in Foot}
         self._initial = (config.initial_foot, T_world_foot)

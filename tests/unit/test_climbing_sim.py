@@ -231,6 +231,7 @@ def test_a_refused_target_says_why_and_changes_nothing(target, reason):
             '<joint name="lidar_mount" type="continuous"><limit velocity="1"/>',
             "unknown joints lidar_mount; only q1",
         ),
+        ('"hip"', '"pelvis"', "link 'pelvis' has a mass and is fixed to none of foot_a, leg_a_lower"),
         ("<robot ", "<robots ", "robot URDF: not valid XML: mismatched tag"),
     ],
 )
