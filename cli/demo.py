@@ -22,6 +22,8 @@ from shared.runtime.ports import free_endpoint
 from shared.runtime.run_folder import run_folder, run_name
 from shared.runtime.runner import StopSignal
 
+_SPEED_RADPS = 0.3
+"""Where no speed is set: 100 commands for each of a climb's many short rows would take six minutes."""
 _SETTLE_S = 1.5
 """After the last target the mapper finishes its last scan and publishes the map once more (1 Hz)."""
 
@@ -33,6 +35,7 @@ def run_demo(config_path: Path, overrides: list[str], *, is_json: bool) -> int:
     if endpoint != config.bus.endpoint:
         _say(f"{config.bus.endpoint} is taken, this run uses {endpoint}")
     overrides = [*overrides, f"bus.endpoint={endpoint}", f"recorder.run={run_name(config.recorder)}"]
+    overrides += [f"player.speed_radps={_SPEED_RADPS}"] if config.player.speed_radps is None else []
     config = resolved(config_path, overrides)
     folder = run_folder(config.recorder, config.recorder.run)
     with StopSignal() as stop:

@@ -22,7 +22,8 @@ app = typer.Typer(no_args_is_help=True)
 def play(
     trajectory: Annotated[Path, typer.Argument(metavar="FILE.csv", help="Header q1..q8; a target or C,...,C a row.")],
     rate: Annotated[float | None, typer.Option(help="Commands a second of simulated time; default 9.")] = None,
-    steps: Annotated[int | None, typer.Option(help="Commands a row; default as many as the speed asks for.")] = None,
+    steps: Annotated[int | None, typer.Option(help="Commands a row; default 100.")] = None,
+    speed: Annotated[float | None, typer.Option(help="Instead of steps: rad/s of the longest way.")] = None,
     config: ConfigOption = DEFAULT_CONFIG,
     set_: SetOption = None,
 ) -> None:
@@ -33,6 +34,7 @@ def play(
     overrides = [f"player.trajectory={trajectory.resolve()}", *(set_ or [])]
     overrides += [f"player.rate_hz={rate}"] if rate is not None else []
     overrides += [f"player.num_steps={steps}", "player.speed_radps=null"] if steps is not None else []
+    overrides += [f"player.speed_radps={speed}"] if speed is not None else []
     stop = StopSignal()
     is_finished = play_trajectory(resolved(config, overrides), stop.is_set)
     if not is_finished:

@@ -207,8 +207,9 @@ class PlayerConfig(Section):
     trajectory: InputFile = Path("trajectories/climb.csv")
     rate_hz: float = Field(9.0, gt=0, le=1000)
     """Commands a second of simulated time."""
-    speed_radps: float | None = Field(0.3, gt=0, le=10)
-    """Of the joint with the longest way; a piston's metre counts as 10 rad. None: each row takes num_steps commands."""
+    speed_radps: float | None = Field(None, gt=0, le=10)
+    """Of the joint with the longest way; a piston's metre counts as 10 rad. None: each row takes num_steps commands,
+    as in the original simulation."""
     ramp_s: float = Field(0.5, ge=0, le=60)
     """With a speed, each row takes this long to reach it and to stop."""
     num_steps: int = Field(100, ge=1, le=100_000)

@@ -10,6 +10,7 @@ from ruamel.yaml import YAML
 from cli.pipeline import SERVICES
 from services.sensors.node import SENSORS
 from shared.messaging import bus
+from shared.runtime.config_loading import load_config
 from tests.support.processes import ROOT
 
 COMPOSE = YAML(typ="safe").load(ROOT / "docker-compose.yml")
@@ -20,7 +21,10 @@ OWN = {name: service for name, service in COMPOSE["services"].items() if service
 def test_each_command_names_a_service_that_exists(name):
     module, *arguments = OWN[name]["command"]
     assert importlib.util.find_spec(f"{module}.__main__") is not None
-    assert arguments in ([], ["--sensor", name])
+    flags, values = arguments[::2], arguments[1::2]
+    assert set(flags) <= {"--sensor", "--set"}
+    assert [value for flag, value in zip(flags, values, strict=True) if flag == "--sensor" and value != name] == []
+    load_config(overrides=[value for flag, value in zip(flags, values, strict=True) if flag == "--set"])
     assert module != "services.sensors" or name in SENSORS
 
 

@@ -15,9 +15,9 @@ from tests.support.robots import MODEL
 
 def climbed(mode, trajectory):
     """T_world_link of every link (L, 4, 4) at each change of foot and at the end; leg states; errors."""
-    config = load_config(
-        overrides=[f"sim.mode={mode}", f"player.trajectory={CONFIGS_DIR / 'trajectories' / trajectory}"]
-    )
+    path = CONFIGS_DIR / "trajectories" / trajectory
+    settings = [f"sim.mode={mode}", f"player.trajectory={path}", "player.speed_radps=0.3"]
+    config = load_config(overrides=settings)
     player = Player(config.player, read_trajectory(config.player.trajectory))
     stops, legs, errors, transforms = [], [], [], None
     for message in climb_messages(config, player):

@@ -11,7 +11,7 @@ from shared.errors import InputFileError, PlaybackError, RefusedError
 from shared.runtime.config_loading import load_config
 
 ROWS = "q1,q2,q3,q4,q5,q6,q7,q8\n0.2,0,0,0,0,0,0,0\nC,C,C,C,C,C,C,C\n0.2,0,0,0.3,0,0,0,0\n"
-SMALL = ["sensors.lidar.num_columns=64", "sensors.lidar.num_rings=16"]
+SMALL = ["sensors.lidar.num_columns=64", "sensors.lidar.num_rings=16", "player.speed_radps=0.3"]
 
 
 def config_of(tmp_path, rows=ROWS, *overrides):
