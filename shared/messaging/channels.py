@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import re
 from dataclasses import dataclass, replace
 
 from shared.messaging import messages as m
@@ -49,6 +50,11 @@ class Channel:
     def of(self, service: str) -> Channel:
         """The concrete channel of one service, for a key that ends in `*`."""
         return replace(self, key=self.key.replace("*", service), topic=self.topic.replace("*", service))
+
+    def of_sensor(self, sensor: str) -> Channel:
+        """The channel of another sensor of the same kind: `lidar_rear/points` of `lidar/points`."""
+        _, _, rest = self.key.partition("/")
+        return replace(self, key=f"{sensor}/{rest}", topic=f"/{sensor}/{rest}")
 
 
 LATEST, EVERY = Delivery.LATEST, Delivery.EVERY
@@ -139,6 +145,33 @@ STRUCTURE_DESCRIPTION = Channel(
 LIDAR_POINTS = Channel(
     key="lidar/points", message=m.LidarScan, delivery=LATEST, ros_type="sensor_msgs/msg/PointCloud2", rate_hz=10.0
 )
+LIDAR_IMU = Channel(key="lidar/imu", message=m.Imu, delivery=LATEST, ros_type="sensor_msgs/msg/Imu", rate_hz=100.0)
+DEPTH_IMAGE = Channel(
+    key="depth/image", message=m.DepthImage, delivery=LATEST, ros_type="sensor_msgs/msg/Image", rate_hz=15.0
+)
+DEPTH_CAMERA_INFO = Channel(
+    key="depth/camera_info",
+    message=m.CameraInfo,
+    delivery=LATEST,
+    ros_type="sensor_msgs/msg/CameraInfo",
+    rate_hz=15.0,
+    is_kept=True,
+)
+DEPTH_POINTS = Channel(
+    key="depth/points",
+    message=m.PointCloud,
+    delivery=LATEST,
+    ros_type="sensor_msgs/msg/PointCloud2",
+    rate_hz=15.0,
+    is_recorded=False,  # made only while someone subscribes: the image says the same in a sixth of the bytes
+)
+DEPTH_IMU = Channel(key="depth/imu", message=m.Imu, delivery=LATEST, ros_type="sensor_msgs/msg/Imu", rate_hz=200.0)
+SENSOR_CHANNELS = {
+    "lidar": (LIDAR_POINTS, LIDAR_IMU),
+    "depth": (DEPTH_IMAGE, DEPTH_CAMERA_INFO, DEPTH_POINTS, DEPTH_IMU),
+}
+"""By kind of sensor. A sensor is named after its kind, or begins with it: lidar, lidar_rear."""
+
 MAP_ODOMETRY = Channel(
     key="map/odometry",
     message=m.Odometry,
@@ -197,7 +230,8 @@ CHANNELS: tuple[Channel, ...] = (
     ROBOT_DESCRIPTION,
     FIXED_FOOT_DESCRIPTION,
     STRUCTURE_DESCRIPTION,
-    LIDAR_POINTS,
+    *SENSOR_CHANNELS["lidar"],
+    *SENSOR_CHANNELS["depth"],
     MAP_ODOMETRY,
     MAP_CLOUD,
     MAP_STATUS,
@@ -217,4 +251,11 @@ def channel_of_key(key: str) -> Channel | None:
         stem = channel.key.removesuffix("*")
         if stem != channel.key and name.startswith(stem) and "/" not in name[len(stem) :] and name != stem:
             return channel.of(name[len(stem) :])
-    return None
+    return _channel_of_other_sensor(name)
+
+
+def _channel_of_other_sensor(name: str) -> Channel | None:
+    sensor, _, rest = name.partition("/")
+    kind = re.match(r"(lidar|depth)_[a-z0-9_]+$", sensor)
+    channels = SENSOR_CHANNELS[kind[1]] if kind else ()
+    return next((channel.of_sensor(sensor) for channel in channels if channel.key == f"{kind[1]}/{rest}"), None)

@@ -1,0 +1,52 @@
+"""The beams of a spinning LiDAR: their angles, and where in the sensor they begin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.geometry import SE3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Beams:
+    """R beams that fire together, C times a revolution, clockwise seen from above as the Ouster OS1 turns.
+
+    elevation_rad (R,): top to bottom. azimuth_rad (R,): each beam's own, added to the encoder's, counter-clockwise.
+    origin_m: distance of the beams' origin from the axis, towards where the encoder points. T_sensor_lidar: from the
+    frame in which the beams turn to that in which points are given.
+
+    Source: Ouster sensor data format. Its table of azimuths has the opposite sign.
+    """
+
+    elevation_rad: NDArray[np.float64]
+    azimuth_rad: NDArray[np.float64]
+    origin_m: float
+    T_sensor_lidar: SE3
+    num_columns: int
+
+    @property
+    def encoder_rad(self) -> NDArray[np.float64]:
+        """(C,): 2 pi (1 - column / C), less a whole turn."""
+        return -2.0 * np.pi / self.num_columns * np.arange(self.num_columns)
+
+    def origins_m(self) -> NDArray[np.float64]:
+        """Where the beams of each column begin (C, 3), in the sensor's frame."""
+        encoder = self.encoder_rad
+        ring = np.stack([np.cos(encoder), np.sin(encoder), np.zeros_like(encoder)], axis=-1)
+        return np.asarray(self.T_sensor_lidar.apply(self.origin_m * ring), dtype=np.float64)
+
+    def directions(self) -> NDArray[np.float64]:
+        """Unit vectors (C, R, 3) in the sensor's frame."""
+        azimuth = self.encoder_rad[:, np.newaxis] + self.azimuth_rad
+        flat, up = np.broadcast_arrays(np.cos(self.elevation_rad), np.sin(self.elevation_rad))
+        vectors = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.broadcast_to(up, azimuth.shape)], -1)
+        return vectors @ self.T_sensor_lidar.rotation.T
+
+
+def uniform_beams(num_rings: int, top_deg: float, bottom_deg: float, num_columns: int) -> Beams:
+    """Evenly spaced elevations, no offsets: what simulators commonly use."""
+    elevation_rad = np.deg2rad(np.linspace(top_deg, bottom_deg, num_rings))
+    return Beams(elevation_rad, np.zeros(num_rings), 0.0, SE3.identity(), num_columns)

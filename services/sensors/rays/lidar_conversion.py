@@ -1,0 +1,1 @@
+"""Faces drawn into the columns of a spinning LiDAR."""
