@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup demo test check lock clean
+.PHONY: setup ouster demo test check lock clean
 
 setup: $(STAMP)
 
@@ -15,6 +15,15 @@ $(STAMP): requirements-dev.lock pyproject.toml tools/system-libraries.sh
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	touch $@
+
+# What reads an Ouster's pcap, in an environment of its own: its pins break the main one
+OUSTER := .venv-ouster
+ouster: $(OUSTER)/.installed
+
+$(OUSTER)/.installed: requirements-ouster.lock
+	$(PYTHON) -m venv $(OUSTER)
+	$(OUSTER)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-ouster.lock
 	touch $@
 
 demo: setup
@@ -35,6 +44,7 @@ COMPILE := uv pip compile --quiet --python-version 3.11 --generate-hashes --no-e
 lock:
 	$(COMPILE) --output-file requirements.lock pyproject.toml
 	$(COMPILE) --constraint requirements.lock --extra dev --output-file requirements-dev.lock pyproject.toml
+	echo ouster-sdk==1.0.1 | $(COMPILE) --output-file requirements-ouster.lock -
 
 clean:
-	rm -rf $(VENV) build *.egg-info .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(OUSTER) build *.egg-info .mypy_cache .ruff_cache .hypothesis
