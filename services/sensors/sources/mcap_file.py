@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
@@ -14,6 +15,8 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from services.sensors.sources.bag import RosMessages, readable, ros2_types
 
+_MAGIC = b"\x89MCAP0\r\n"
+"""At both ends of a whole file."""
 _CUT = (EndOfFile, InvalidMagic, struct.error)
 """What the library raises where a file ends too early."""
 
@@ -74,11 +77,15 @@ class _Catalogue:
 def _indexed_topics(file: IO[bytes]) -> dict[str, str]:
     """Those in the summary at the end of the file; none if it has none."""
     reader = make_reader(file)
-    try:
-        summary = reader.get_summary()
-    except (*_CUT, OSError):  # OSError: the file is shorter than what should stand at its end
+    if not _has_end(file):
         return {}
+    summary = reader.get_summary()
     return _Catalogue().topics([*summary.schemas.values(), *summary.channels.values()]) if summary else {}
+
+
+def _has_end(file: IO[bytes]) -> bool:
+    file.seek(-len(_MAGIC), os.SEEK_END)
+    return file.read() == _MAGIC
 
 
 def _all_topics(file: IO[bytes]) -> dict[str, str]:

@@ -42,7 +42,8 @@ class SourcePlayback:
         self._ending = ""
         self._next = self._read()
         if self._next is None:
-            raise InputFileError(f"{name}: it has no message to play")
+            ending = f", {self._ending}" if self._ending else ""
+            raise InputFileError(f"{name}: it has no message to play{ending}")
         self._first_stamp_ns = self._stamp_ns = self._next.stamp_ns
         self._start_ns: int | None = None
         self._last_stamps_ns: dict[type[Message], int] = {}
