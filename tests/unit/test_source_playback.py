@@ -7,6 +7,7 @@ import pytest
 
 from services.sensors.sources.interface import Recording
 from services.sensors.sources.playback import SourcePlayback
+from services.sensors.sources.world import world_of_map
 from shared.errors import InputFileError
 from shared.messaging.messages import Event, Imu, LidarScan, Measurement, Severity
 
@@ -58,9 +59,12 @@ def test_it_is_read_as_it_is_played():
     read = []
 
     def messages():
-        for i in range(100):
-            read.append(i)
-            yield scan(i)
+        try:
+            for i in range(100):
+                read.append(i)
+                yield scan(i)
+        finally:
+            read.append("closed")
         return ""
 
     played = SourcePlayback("run.mcap", "lidar", messages())
@@ -70,7 +74,7 @@ def test_it_is_read_as_it_is_played():
     assert len(played.due(60 * MS)) == 8
     assert stamps_ms(played.due(60 * MS)) == list(range(9, 17))
     played.close()
-    assert read == list(range(18))
+    assert read == [*range(18), "closed"]
 
 
 def test_a_scan_is_stamped_at_its_first_point_and_comes_after_the_imu():
@@ -80,6 +84,7 @@ def test_a_scan_is_stamped_at_its_first_point_and_comes_after_the_imu():
     *messages, event = played.due(100 * MS)
     assert stamps_ms(messages) == [150, 100]
     assert event.text == "end of run.mcap: 2 scans, 2 IMU readings"
+    assert event.stamp_ns == START_NS + 150 * MS
 
 
 def test_messages_from_before_are_dropped_and_said_once():
@@ -108,3 +113,13 @@ def test_nothing_to_play():
         playback(ending="it is cut off")
     with pytest.raises(InputFileError, match=r"run.mcap: it has no message to play$"):
         playback()
+
+
+def test_the_map_is_the_world():
+    played = SourcePlayback("run.mcap", "lidar", recording([scan(0), scan(100)]), world_of_map)
+    frames, first = played.due(0)
+    assert (frames.parents, frames.children, frames.stamp_ns) == (("world",), ("map",), START_NS - 200 * MS)
+    np.testing.assert_array_equal(frames.T_parent_child, [[0, 0, 0, 0, 0, 0, 1]])
+    assert first.stamp_ns == START_NS
+    assert world_of_map(5).stamp_ns == 0
+    assert stamps_ms(played.due(100 * MS)) == [100]

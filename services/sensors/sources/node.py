@@ -11,8 +11,9 @@ from services.sensors.sources.interface import Recording
 from services.sensors.sources.ouster_pcap import DEFAULT_PYTHON, PYTHON_VARIABLE, metadata_of, read_pcap
 from services.sensors.sources.playback import SourcePlayback
 from services.sensors.sources.ros_recording import read_bag
+from services.sensors.sources.world import world_of_map
 from shared.errors import ConfigError, InputFileError
-from shared.messaging.channels import SENSOR_CHANNELS, Channel
+from shared.messaging.channels import SENSOR_CHANNELS, TF_STATIC, Channel
 from shared.runtime.config import Config
 from shared.runtime.node import Context, Node
 
@@ -38,10 +39,11 @@ def source_builder(sensor: str, options: SourceOptions) -> Callable[[Config, Con
         if settings is None:
             raise ConfigError([f"sensors: no sensor {sensor}; there are {', '.join(config.sensors.named())}"])
         recording = _recording(options, settings.kind, settings.frame, os.environ)
-        playback = SourcePlayback(options.path.name, sensor, recording)
+        is_mapped = sensor == "lidar"  # whose scans the mapper takes
+        playback = SourcePlayback(options.path.name, sensor, recording, world_of_map if is_mapped else None)
         return Node(
             name=sensor,
-            outputs=_channels(sensor, settings.kind),
+            outputs=(*_channels(sensor, settings.kind), *([TF_STATIC] if is_mapped else [])),
             on_timer=lambda: playback.due(context.clock_ns()),
             timer_hz=_TIMER_HZ,
             is_done=lambda: playback.is_done,

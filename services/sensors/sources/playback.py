@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 
 from services.sensors.sources.interface import Recording
 from shared.errors import InputFileError
@@ -31,13 +32,16 @@ class SourcePlayback:
     """Plays a recording once. It has no clock: it is told the time, in nanoseconds from anywhere.
 
     name: of the recording, for people. source: of the events. recording: see `Recording`.
+    preface: makes a message, of the first stamp, that goes ahead of all.
     A message older than the last one of its type is dropped and counted.
 
     Raises:
         InputFileError: there is nothing to play.
     """
 
-    def __init__(self, name: str, source: str, recording: Recording) -> None:
+    def __init__(
+        self, name: str, source: str, recording: Recording, preface: Callable[[int], Message] | None = None
+    ) -> None:
         self._name, self._source, self._recording = name, source, recording
         self._ending = ""
         self._next = self._read()
@@ -45,6 +49,7 @@ class SourcePlayback:
             ending = f", {self._ending}" if self._ending else ""
             raise InputFileError(f"{name}: it has no message to play{ending}")
         self._first_stamp_ns = self._stamp_ns = self._next.stamp_ns
+        self._preface = [preface(self._stamp_ns)] if preface else []
         self._start_ns: int | None = None
         self._last_stamps_ns: dict[type[Message], int] = {}
         self._num_sent: Counter[type[Message]] = Counter()
@@ -59,7 +64,7 @@ class SourcePlayback:
             InputFileError: the recording has something that cannot be used.
         """
         self._start_ns = now_ns if self._start_ns is None else self._start_ns
-        messages: list[Message] = []
+        messages, self._preface = self._preface, []
         for _ in range(_MAX_A_CALL):
             if self._next is None:
                 return [*messages, *self._end()]
