@@ -1,7 +1,7 @@
 """Writes a pcap of a made-up Ouster and its metadata: `python ouster_packets.py PCAP METADATA NUM_SCANS`.
 
 Run by an interpreter that has ouster-sdk, and nothing of this project. Every beam has 5 m, but those of the top ring
-nothing; scans are 0.1 s apart, columns 0.1 ms; the last scan ends after half its columns.
+nothing; scans are 0.1 s apart, columns 0.1 ms; the last scan lacks its first half.
 """
 
 import sys
@@ -25,7 +25,7 @@ def packets(info, num_scans):
         frame.frame_id = i
         frame.timestamp[:] = FIRST_STAMP_NS + i * 100_000_000 + columns * 100_000
         made = core.frame_to_packets(frame, core.PacketFormat.from_info(info), 0, 0)
-        yield from made if i < num_scans - 1 else made[: len(made) // 2]
+        yield from made if i < num_scans - 1 else made[len(made) // 2 :]
 
 
 if __name__ == "__main__":
