@@ -30,7 +30,9 @@ def mcap(tmp_path):
 
 
 def built(sensor, *options):
-    return source_builder(sensor, SourceOptions(*options))(CONFIG, Context(clock_ns=lambda: 0))
+    return source_builder(sensor, SourceOptions(*options))(
+        CONFIG, Context(clock_ns=lambda: 0, is_wanted=lambda _channel: True)
+    )
 
 
 @pytest.mark.parametrize(

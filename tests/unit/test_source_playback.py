@@ -55,6 +55,17 @@ def test_messages_come_when_they_were_measured():
     assert played.due(now_ns + 400 * MS) == []
 
 
+def test_it_waits_some_seconds_for_somebody_to_listen():
+    played = playback(scan(0), scan(100))
+    assert played.due(0, is_wanted=False) == []
+    assert played.due(2999 * MS, is_wanted=False) == []
+    assert stamps_ms(played.due(2999 * MS, is_wanted=True)) == [0]
+    assert stamps_ms(played.due(3099 * MS, is_wanted=False)) == [100]
+    played = playback(scan(0))
+    assert played.due(5, is_wanted=False) == []
+    assert stamps_ms(played.due(3000 * MS + 5, is_wanted=False)) == [0]
+
+
 def test_it_is_read_as_it_is_played():
     read = []
 

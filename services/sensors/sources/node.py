@@ -41,10 +41,11 @@ def source_builder(sensor: str, options: SourceOptions) -> Callable[[Config, Con
         recording = _recording(options, settings.kind, settings.frame, os.environ)
         is_mapped = sensor == "lidar"  # whose scans the mapper takes
         playback = SourcePlayback(options.path.name, sensor, recording, world_of_map if is_mapped else None)
+        channels = _channels(sensor, settings.kind)
         return Node(
             name=sensor,
-            outputs=(*_channels(sensor, settings.kind), *([TF_STATIC] if is_mapped else [])),
-            on_timer=lambda: playback.due(context.clock_ns()),
+            outputs=(*channels, *([TF_STATIC] if is_mapped else [])),
+            on_timer=lambda: playback.due(context.clock_ns(), is_wanted=context.is_wanted(channels[0])),
             timer_hz=_TIMER_HZ,
             is_done=lambda: playback.is_done,
             on_stop=playback.close,

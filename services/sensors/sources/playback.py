@@ -20,6 +20,7 @@ from shared.messaging.messages import (
 
 _MAX_A_CALL = 8
 """So that a recording that is read more slowly than it was made leaves its process time for all else."""
+_PATIENCE_NS = 3 * 10**9
 _NOUNS: dict[type[Message], str] = {
     LidarScan: "scans",
     DepthImage: "images",
@@ -50,6 +51,7 @@ class SourcePlayback:
             raise InputFileError(f"{name}: it has no message to play{ending}")
         self._first_stamp_ns = self._stamp_ns = self._next.stamp_ns
         self._preface = [preface(self._stamp_ns)] if preface else []
+        self._asked_ns: int | None = None
         self._start_ns: int | None = None
         self._last_stamps_ns: dict[type[Message], int] = {}
         self._num_sent: Counter[type[Message]] = Counter()
@@ -57,13 +59,20 @@ class SourcePlayback:
         self.num_dropped = 0
         self.is_done = False
 
-    def due(self, now_ns: int) -> list[Message]:
-        """What is due by now, some at a time; the first call starts. At the end an event says so.
+    def due(self, now_ns: int, *, is_wanted: bool = True) -> list[Message]:
+        """What is due by now, some at a time. At the end an event says so.
+
+        is_wanted: whether anybody listens. It starts with the first call at which somebody does, or some seconds after
+        the first call: what is sent before others are known to listen is lost to them.
 
         Raises:
             InputFileError: the recording has something that cannot be used.
         """
-        self._start_ns = now_ns if self._start_ns is None else self._start_ns
+        self._asked_ns = now_ns if self._asked_ns is None else self._asked_ns
+        if self._start_ns is None:
+            if not is_wanted and now_ns - self._asked_ns < _PATIENCE_NS:
+                return []
+            self._start_ns = now_ns
         messages, self._preface = self._preface, []
         for _ in range(_MAX_A_CALL):
             if self._next is None:
