@@ -1,30 +1,36 @@
-"""Wiring of the sensors: each by its name, each a process of its own."""
+"""Wiring of the simulated sensors: each by its name, each a process of its own."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
-import numpy as np
-
-from services.sensors.lidar import LidarScanner
-from shared.messaging.channels import LIDAR_POINTS, ROBOT_DESCRIPTION, STRUCTURE_DESCRIPTION, TF
+from services.sensors.depth.camera import DepthCamera
+from services.sensors.imu import InertialUnit
+from services.sensors.lidar.beam_files import read_beams
+from services.sensors.lidar.scanner import LidarScanner
+from shared.errors import ConfigError
+from shared.messaging.channels import DEPTH_POINTS, ROBOT_DESCRIPTION, SENSOR_CHANNELS, STRUCTURE_DESCRIPTION, TF, Channel
+from shared.messaging.messages import Message, Transforms
 from shared.runtime.config import Config
 from shared.runtime.node import Context, Node
+from shared.runtime.sensor_config import LidarConfig
 
 
-def build_lidar(config: Config, _context: Context) -> Node:
-    """The node that turns the true transforms into scans."""
-    scanner = LidarScanner(config.sensors.lidar, np.random.default_rng(config.seed))
-    return Node(
-        name="lidar",
-        inputs={
-            ROBOT_DESCRIPTION: scanner.set_robot,
-            STRUCTURE_DESCRIPTION: scanner.set_structure,
-            TF: scanner.add_transforms,
-        },
-        outputs=(LIDAR_POINTS,),
-    )
+def build_node(name: str, config: Config, context: Context) -> Node:
+    """The node of one configured sensor, which turns true transforms into its measurements.
 
-
-SENSORS: dict[str, Callable[[Config, Context], Node]] = {"lidar": build_lidar}
-"""Sensor name -> builder of its node."""
+    Raises:
+        ConfigError: no sensor of this name. InputFileError: its table of beams is not usable.
+    """
+    sensors = config.sensors.named()
+    if name not in sensors:
+        raise ConfigError([f"sensors: no sensor '{name}'; configured are {', '.join(sensors)}"])
+    sensor = sensors[name]
+    outputs = {channel.key: channel.of_sensor(name) for channel in SENSOR_CHANNELS[sensor.kind]}
+    seed = config.seed_of(name)
+    if isinstance(sensor, LidarConfig):
+        facade: LidarScanner | DepthCamera = load_lidar(config, name)
+    else:
+        facade = DepthCamera(sensor, seed, partial(context.is_wanted, outputs[DEPTH_POINTS.key]))
+'''+'' if False else '')
