@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
-from functools import partial
+
+import numpy as np
 
 from services.sensors.depth.camera import DepthCamera
 from services.sensors.imu import InertialUnit
 from services.sensors.lidar.beam_files import read_beams
 from services.sensors.lidar.scanner import LidarScanner
 from shared.errors import ConfigError
-from shared.messaging.channels import DEPTH_POINTS, ROBOT_DESCRIPTION, SENSOR_CHANNELS, STRUCTURE_DESCRIPTION, TF, Channel
+from shared.messaging.channels import (
+    DEPTH_POINTS,
+    ROBOT_DESCRIPTION,
+    SENSOR_CHANNELS,
+    STRUCTURE_DESCRIPTION,
+    TF,
+)
+from shared.messaging.frames import FrameTree
 from shared.messaging.messages import Message, Transforms
 from shared.runtime.config import Config
 from shared.runtime.node import Context, Node
-from shared.runtime.sensor_config import LidarConfig
+from shared.runtime.sensor_config import DepthConfig, LidarConfig
 
 
 def build_node(name: str, config: Config, context: Context) -> Node:
@@ -23,14 +32,57 @@ def build_node(name: str, config: Config, context: Context) -> Node:
     Raises:
         ConfigError: no sensor of this name. InputFileError: its table of beams is not usable.
     """
-    sensors = config.sensors.named()
-    if name not in sensors:
-        raise ConfigError([f"sensors: no sensor '{name}'; configured are {', '.join(sensors)}"])
-    sensor = sensors[name]
-    outputs = {channel.key: channel.of_sensor(name) for channel in SENSOR_CHANNELS[sensor.kind]}
-    seed = config.seed_of(name)
+    sensor = config.sensors.named().get(name)
+    if sensor is None:
+        raise ConfigError([f"sensors: no sensor '{name}'; configured are {', '.join(config.sensors.named())}"])
+    outputs = tuple(channel.of_sensor(name) for channel in SENSOR_CHANNELS[sensor.kind])
+    facade: LidarScanner | DepthCamera
     if isinstance(sensor, LidarConfig):
-        facade: LidarScanner | DepthCamera = load_lidar(config, name)
+        facade = load_lidar(sensor, sensor_seed(config, name), name)
     else:
-        facade = DepthCamera(sensor, seed, partial(context.is_wanted, outputs[DEPTH_POINTS.key]))
-'''+'' if False else '')
+        facade = _load_depth(sensor, sensor_seed(config, name), name, context)
+    imu_rng = np.random.default_rng(sensor_seed(config, f"{name}/imu"))
+    imu = InertialUnit(sensor.imu, sensor.frame, imu_rng, config.sim.dynamics.gravity_mps2)
+    return Node(
+        name=name,
+        inputs={
+            ROBOT_DESCRIPTION: facade.set_robot,
+            STRUCTURE_DESCRIPTION: facade.set_structure,
+            TF: _feeding(facade, imu, sensor.frame),
+        },
+        outputs=outputs,
+    )
+
+
+def load_lidar(sensor: LidarConfig, seed: int, name: str = "lidar") -> LidarScanner:
+    """The LiDAR with its table of beams.
+
+    Raises:
+        InputFileError: the table is not usable.
+    """
+    return LidarScanner(sensor, read_beams(sensor.beams, sensor.num_columns), seed, name)
+
+
+def _load_depth(sensor: DepthConfig, seed: int, name: str, context: Context) -> DepthCamera:
+    points = DEPTH_POINTS.of_sensor(name)
+    return DepthCamera(sensor, seed, lambda: context.is_wanted(points), name)  # the runner lends it later
+
+
+def sensor_seed(config: Config, name: str) -> int:
+    """Of one sensor, from the seed of the whole and its name: no two sensors share their noise."""
+    sequence = np.random.SeedSequence([config.seed, zlib.crc32(name.encode())])
+    return int(sequence.generate_state(1, np.uint64)[0])
+
+
+def _feeding(
+    facade: LidarScanner | DepthCamera, imu: InertialUnit, frame: str
+) -> Callable[[Transforms], list[Message]]:
+    """Transforms go to the IMU as the pose of its frame, and to the sensor as they are."""
+
+    def feed(transforms: Transforms) -> list[Message]:
+        if not facade.is_ready:
+            return []
+        T_world_sensor = FrameTree(transforms).T_root(frame)
+        return [*imu.add_pose(transforms.stamp_ns, T_world_sensor), *facade.add_transforms(transforms)]
+
+    return feed

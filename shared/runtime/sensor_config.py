@@ -238,7 +238,7 @@ class SensorsConfig(Section):
 
     lidar: LidarConfig = Field(default_factory=lambda: LidarConfig.model_validate({}))
     depth: DepthConfig = Field(default_factory=lambda: DepthConfig.model_validate({}))
-    others: dict[OtherName, OtherSensor] = {}
+    others: dict[OtherName, OtherSensor] = Field(default_factory=dict)
     """Further sensors by name; the name begins with the kind, and is the first part of the sensor's keys."""
 
     def named(self) -> dict[str, LidarConfig | DepthConfig]:

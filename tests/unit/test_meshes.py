@@ -3,7 +3,6 @@ import pytest
 
 from shared.geometry import SE3
 from shared.meshes import area_m2, is_closed, mesh_of, volume_m3
-from shared.robot.description import Shape
 from shared.solids import Box, Cylinder, Mesh, Sphere
 
 

@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ SOLIDS = [
 
 def corners_of(polygons):
     starts = np.concatenate([[0], np.cumsum(polygons.sizes)])
-    return [polygons.vertices_m[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True)]
+    return [polygons.vertices_m[a:b] for a, b in itertools.pairwise(starts)]
 
 
 def area_vector(corners):

@@ -98,6 +98,11 @@ class LidarScanner:
         return self._message(self._effects.apply(hits, edges, start), start, t_ns.astype(np.uint32))
 
     @property
+    def is_ready(self) -> bool:
+        """Whether both descriptions are known."""
+        return self._effects is not None
+
+    @property
     def member_names(self) -> tuple[str, ...]:
         """Names of the members and links that the numbers of a scan's truth stand for."""
         return () if self._surroundings.scene is None else self._surroundings.scene.names
