@@ -94,7 +94,8 @@ def measured_ranges(
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
     """Measured ranges (C, R), negative where nothing is reported, intensities (C, R), and returns a ring (R,).
 
-    brightness (C, R): NaN where it follows from the face. detection: signal of even chances, steepness. noise_m: on
+    brightness (C, R): NaN where it follows from the face. detection: signal of even chances, steepness, strength from
+    which all beams return. noise_m: on
     strong signals, weak ones, quantum. gate_m: least and greatest range from the axis, and the beams' distance from it.
     """
     num_columns, num_rings = range_m.shape
@@ -113,7 +114,8 @@ def measured_ranges(
                 chance = _visibility(cos_incidence[c, r], surfaces[k])
             bits = hash64(key, 0, c * num_rings + r)
             strength = _strength(bright, range_m[c, r] + gate_m[2], detection[0])
-            chance *= _detection_chance(strength, detection[1])
+            if strength < detection[2]:
+                chance *= _detection_chance(strength, detection[1])
             if chance < 1.0 and uniform_of(bits) >= chance:
                 continue
             sigma_m = math.sqrt(noise_m[0] ** 2 + noise_m[1] ** 2 / strength)
