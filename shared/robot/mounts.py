@@ -62,6 +62,18 @@ def with_mounts(urdf: str, mounts: Sequence[Mount], source: str) -> str:
     return ET.tostring(robot, encoding="unicode", xml_declaration=True) + "\n"
 
 
+def link_names(urdf: str, source: str) -> list[str]:
+    """The links of a URDF document, in its order.
+
+    Raises:
+        InputFileError: it is no URDF, or a link has no name.
+    """
+    try:
+        return _links(root_of(urdf, "robot"))
+    except XmlError as error:
+        raise InputFileError(f"{source}: {error}") from error
+
+
 def _links(robot: ET.Element) -> list[str]:
     return [attribute(link, "name", "link") for link in robot.findall("link")]
 
