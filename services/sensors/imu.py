@@ -33,12 +33,22 @@ class _Step:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _State:
-    """Motion at the moment of a pose: angular velocity in the sensor's frame, acceleration in the world's."""
+    """Motion at the moment of a pose: angular velocity in the sensor's frame, acceleration in the world's.
+
+    mean_angular_velocity: until the next pose, in the sensor's frame.
+    """
 
     stamp_ns: int
-    T_world_sensor: SE3
+    R_world_sensor: Float
     angular_velocity: Float
     acceleration: Float
+    mean_angular_velocity: Float
+
+    def rotation(self, after_s: float) -> Float:
+        """R_world_sensor so long after, before the next pose."""
+        turn = SE3.exp(np.concatenate([np.zeros(3), after_s * self.mean_angular_velocity]))
+        rotation: Float = self.R_world_sensor @ turn.rotation
+        return rotation
 
 
 class InertialUnit:
@@ -46,9 +56,9 @@ class InertialUnit:
 
     At a pose, angular velocity and acceleration are central differences over its neighbours, by their actual stamps;
     between two poses both are linear, and the rotation turns evenly. This is exact while angular velocity and
-    acceleration are constant. So a measurement waits for the first pose more than one pose after it: about one period
-    of the poses. The first ones are at the second pose. Before a gap of more than 0.1 s in the poses the last ones are
-    missing; after it, or where stamps do not go forward, it begins anew, and the biases wander on.
+    acceleration are constant. A measurement is given with the second pose that is not before it, so one to two periods
+    of the poses late. The first ones are those at the second pose. Before a gap of more than 0.1 s in the poses the last
+    ones are missing; after it, or where stamps do not go forward, it begins anew, and the biases wander on.
 
     The white noise of a sample has the standard deviation density * sqrt(rate); a bias is drawn at the start and walks
     by density * sqrt(period) a sample. frame: of the messages. gravity_mps2: along the world's -z.
@@ -99,7 +109,7 @@ class InertialUnit:
         share = (stamp_ns - start.stamp_ns) / duration_ns if duration_ns else 0.0
         angular_velocity = start.angular_velocity + share * (end.angular_velocity - start.angular_velocity)
         acceleration = start.acceleration + share * (end.acceleration - start.acceleration)
-        R_world_sensor = _between(start.T_world_sensor, end.T_world_sensor, share)
+        R_world_sensor = start.rotation(after_s=(stamp_ns - start.stamp_ns) * 1e-9)
         gyro_error, accel_error = self._errors.draw()
         self._num_sent += 1
         return Imu(
@@ -143,17 +153,16 @@ def _state(pose: _Pose, before: _Step, after: _Step) -> _State:
     """By the parabola through three values: its slope, and its curvature, at the middle one."""
     total_s = before.duration_s + after.duration_s
     angular_velocity = before.angular_velocity * after.duration_s + after.angular_velocity * before.duration_s
-    acceleration = 2.0 * (after.velocity - before.velocity) / total_s
-    return _State(pose.stamp_ns, pose.T_world_sensor, angular_velocity / total_s, acceleration)
+    return _State(
+        stamp_ns=pose.stamp_ns,
+        R_world_sensor=pose.T_world_sensor.rotation,
+        angular_velocity=angular_velocity / total_s,
+        acceleration=2.0 * (after.velocity - before.velocity) / total_s,
+        mean_angular_velocity=after.angular_velocity,
+    )
 
 
 def _turn(start: SE3, end: SE3) -> Float:
     """Rotation vector (3,) from one orientation to the other, in radians; the same seen from either."""
     relative = SE3(start.rotation.T @ end.rotation, np.zeros(3))
     return relative.log()[3:]
-
-
-def _between(start: SE3, end: SE3, share: float) -> Float:
-    turned = SE3.exp(np.concatenate([np.zeros(3), share * _turn(start, end)]))
-    rotation: Float = start.rotation @ turned.rotation
-    return rotation

@@ -59,7 +59,7 @@ def with_mounts(urdf: str, mounts: Sequence[Mount], source: str) -> str:
     except XmlError as error:
         raise InputFileError(f"{source}: {error}") from error
     ET.indent(robot)
-    return ET.tostring(robot, encoding="unicode", xml_declaration=True) + "\n"
+    return f'<?xml version="1.0"?>\n{ET.tostring(robot, encoding="unicode")}\n'
 
 
 def link_names(urdf: str, source: str) -> list[str]:

@@ -77,11 +77,13 @@ def test_constant_acceleration_is_exact(stamps):
 
 
 def test_a_swinging_rate_is_read_without_lag():
-    """Turning by 0.5 sin(4 t) about x: the error is of second order in the period, a lag would be of first."""
+    """Turning by 0.5 sin(4 t) about x: the errors are of second order in the period, those of a lag of first."""
     messages = fed(unit(400.0), lambda t: SE3.rot("x", 0.5 * np.sin(4 * t)), every(PERIOD_NS, 1.0))
     t = np.array([message.stamp_ns for message in messages]) * 1e-9
-    gyro, _ = columns(messages)
+    gyro, accel = columns(messages)
     np.testing.assert_allclose(gyro[:, 0], 2 * np.cos(4 * t), atol=2 * (4 * 0.01) ** 2)
+    angle_rad = 0.5 * np.sin(4 * t)
+    np.testing.assert_allclose(accel[:, 1:], G * np.column_stack([np.sin(angle_rad), np.cos(angle_rad)]), atol=2e-3)
 
 
 def test_falling_it_reads_nothing():
