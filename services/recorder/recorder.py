@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from services.recorder.mcap_log import McapLog
@@ -14,12 +14,14 @@ from shared.runtime.config import RecorderConfig
 class Recorder:
     """Writes messages to `path`. A command, which carries no stamp, is logged at the newest simulated time seen.
 
-    metadata: text kept at the head of the file.
+    metadata: text kept at the head of the file. channels: the table, with those of further sensors.
     """
 
-    def __init__(self, config: RecorderConfig, path: Path, metadata: Mapping[str, str]) -> None:
+    def __init__(
+        self, config: RecorderConfig, path: Path, metadata: Mapping[str, str], channels: Iterable[Channel] = CHANNELS
+    ) -> None:
         self._log = McapLog(
-            path, CHANNELS, metadata, chunk_bytes=config.chunk_size_kib * 1024, compression=config.compression
+            path, channels, metadata, chunk_bytes=config.chunk_size_kib * 1024, compression=config.compression
         )
         self._stamp_ns = 0
 
