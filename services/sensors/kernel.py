@@ -11,6 +11,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def kernel(**options: Any) -> Callable[[F], F]:
-    """Compiles to machine code at the first call, and keeps that in numba's cache. options: those of `numba.njit`."""
-    compile_it: Callable[[F], F] = njit(cache=True, **options)
+    """Compiles to machine code at the first call, and keeps that in numba's cache. Division by 0 is IEEE 754's.
+
+    options: those of `numba.njit`.
+    """
+    compile_it: Callable[[F], F] = njit(cache=True, error_model="numpy", **options)
     return compile_it
