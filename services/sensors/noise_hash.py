@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from services.sensors.kernel import kernel
 
+Seed = int | np.uint64
+
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1, _MIX_2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 
@@ -44,7 +46,7 @@ def _mix(z: np.uint64) -> np.uint64:
 
 
 @kernel()
-def hash64(seed: int, stream: int, counter: int) -> np.uint64:
+def hash64(seed: Seed, stream: int, counter: int) -> np.uint64:
     """64 random bits."""
     base = _mix(_mix(np.uint64(seed) + _GOLDEN) + np.uint64(stream) * _GOLDEN)
     return _mix(base + (np.uint64(counter) + np.uint64(1)) * _GOLDEN)
@@ -71,12 +73,12 @@ def normal_of(bits: np.uint64) -> np.float32:
 
 
 @kernel()
-def uniform(seed: int, stream: int, counter: int) -> np.float32:
+def uniform(seed: Seed, stream: int, counter: int) -> np.float32:
     """A number within [0, 1)."""
     return uniform_of(hash64(seed, stream, counter))
 
 
 @kernel()
-def normal(seed: int, stream: int, counter: int) -> np.float32:
+def normal(seed: Seed, stream: int, counter: int) -> np.float32:
     """A number of mean 0 and standard deviation 1."""
     return normal_of(hash64(seed, stream, counter))

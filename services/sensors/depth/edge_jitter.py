@@ -15,7 +15,7 @@ _LEAST_STEP = np.float32(0.05)
 
 
 @kernel()
-def edge_blocks(face: NDArray[np.int32], jitter_px: float) -> NDArray[np.bool_]:
+def edge_blocks(face: NDArray[np.int32], jitter_px: np.float32) -> NDArray[np.bool_]:
     """Which blocks of 8 x 8 pixels have another face within reach of the displacements."""
     height, width = face.shape
     borders = np.zeros(((height + BLOCK_PX - 1) // BLOCK_PX, (width + BLOCK_PX - 1) // BLOCK_PX), dtype=np.bool_)
@@ -79,4 +79,4 @@ def jitter_row(
 
 @kernel(inline="always")
 def _is_step(a_m: np.float32, b_m: np.float32) -> bool:
-    return min(a_m, b_m) < (np.float32(1.0) - _LEAST_STEP) * max(a_m, b_m)
+    return bool(min(a_m, b_m) < (np.float32(1.0) - _LEAST_STEP) * max(a_m, b_m))
