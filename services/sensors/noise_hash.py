@@ -9,7 +9,11 @@ from __future__ import annotations
 from statistics import NormalDist
 
 import numpy as np
-from numba import njit
+from numpy.typing import NDArray
+
+from services.sensors.kernel import kernel
+
+Seed = int | np.uint64
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1, _MIX_2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
@@ -20,7 +24,7 @@ _SHIFT = np.int32(23 - _SUBDIVISION_BITS)
 _NUM_OCTAVES = 31
 
 
-def _quantiles() -> np.ndarray[tuple[int], np.dtype[np.float32]]:
+def _quantiles() -> NDArray[np.float32]:
     """Of the standard normal distribution at p = t / 2^32, t each tabled number from 1 to 2^31: -6.2 to 0."""
     steps = np.arange((_NUM_OCTAVES << _SUBDIVISION_BITS) + 2)
     octave, step = steps >> _SUBDIVISION_BITS, steps & ((1 << _SUBDIVISION_BITS) - 1)
@@ -33,7 +37,7 @@ _QUANTILES = _quantiles()
 _BITS_OF_ONE = np.int32(0x3F800000)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _mix(z: np.uint64) -> np.uint64:
     """Finaliser of splitmix64 (Steele, Lea, Flood 2014; constants of Stafford's mix 13)."""
     z = (z ^ (z >> np.uint64(30))) * _MIX_1
@@ -41,20 +45,20 @@ def _mix(z: np.uint64) -> np.uint64:
     return z ^ (z >> np.uint64(31))
 
 
-@njit(cache=True)
-def hash64(seed: int, stream: int, counter: int) -> np.uint64:
+@kernel()
+def hash64(seed: Seed, stream: int, counter: int) -> np.uint64:
     """64 random bits."""
     base = _mix(_mix(np.uint64(seed) + _GOLDEN) + np.uint64(stream) * _GOLDEN)
     return _mix(base + (np.uint64(counter) + np.uint64(1)) * _GOLDEN)
 
 
-@njit(cache=True)
+@kernel()
 def uniform_of(bits: np.uint64) -> np.float32:
     """A number within [0, 1) of the upper 24 bits."""
     return np.float32(np.int32(bits >> np.uint64(40))) * np.float32(2.0**-24)
 
 
-@njit(cache=True)
+@kernel()
 def normal_of(bits: np.uint64) -> np.float32:
     """A standard normal number of the lower 32 bits, by the inverse of the distribution; within +-6.3.
 
@@ -64,17 +68,17 @@ def normal_of(bits: np.uint64) -> np.float32:
     position = tail.view(np.int32) - _BITS_OF_ONE
     step = position >> _SHIFT
     share = np.float32(position - (step << _SHIFT)) * np.float32(2.0**-23 * 2**_SUBDIVISION_BITS)
-    value = _QUANTILES[step] + share * (_QUANTILES[step + 1] - _QUANTILES[step])
+    value: np.float32 = _QUANTILES[step] + share * (_QUANTILES[step + 1] - _QUANTILES[step])
     return -value if bits & np.uint64(0x80000000) else value
 
 
-@njit(cache=True)
-def uniform(seed: int, stream: int, counter: int) -> np.float32:
+@kernel()
+def uniform(seed: Seed, stream: int, counter: int) -> np.float32:
     """A number within [0, 1)."""
     return uniform_of(hash64(seed, stream, counter))
 
 
-@njit(cache=True)
-def normal(seed: int, stream: int, counter: int) -> np.float32:
+@kernel()
+def normal(seed: Seed, stream: int, counter: int) -> np.float32:
     """A number of mean 0 and standard deviation 1."""
     return normal_of(hash64(seed, stream, counter))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from services.sensors.rays.interface import Poses
 from services.sensors.scene import Scene, scene_of
@@ -119,7 +119,7 @@ class Schedule:
         return is_due
 
 
-def _block_middles(stamps_ns: np.ndarray[tuple[int, ...], np.dtype[np.int64]], num_blocks: int) -> list[int]:
+def _block_middles(stamps_ns: NDArray[np.int64], num_blocks: int) -> list[int]:
     """The middle of the first and the last time of each block; column c of C is in block c * num_blocks // C."""
     block = np.arange(len(stamps_ns)) * num_blocks // len(stamps_ns)
     return [int(stamps_ns[block == b][[0, -1]].sum() // 2) for b in range(num_blocks)]
