@@ -38,7 +38,7 @@ class DepthCamera:
     other. seed: the same gives the same images. wants_points: whether somebody takes clouds now.
     """
 
-    def __init__(self, config: DepthConfig, seed: int, wants_points: Callable[[], bool]) -> None:
+    def __init__(self, config: DepthConfig, seed: int, wants_points: Callable[[], bool], name: str = "depth") -> None:
         self._config = config
         self._camera = pinhole_of(config)
         self._wants_points = wants_points
@@ -47,7 +47,7 @@ class DepthCamera:
         self._surroundings = Surroundings(
             config.frame,
             sees_robot=config.self_hits,
-            sensor_name="depth camera",
+            sensor_name=name,
             on_scene=self._backend.set_scene,
         )
         self._schedule = Schedule(config.rate_hz)
@@ -104,6 +104,11 @@ class DepthCamera:
             depth_mm=self._effects.measure(hits, transforms.stamp_ns).reshape(-1),
             **truth,
         )
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether both descriptions are known."""
+        return self._surroundings.scene is not None
 
     def _info(self, image: DepthImage) -> CameraInfo:
         camera = self._camera

@@ -6,9 +6,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from services.sensors.kernel import kernel
 from services.sensors.noise_hash import hash64, normal_of, uniform_of
 
 Floats = NDArray[np.float32]
@@ -17,7 +17,7 @@ Ints = NDArray[np.int32]
 _MAX_INTENSITY = np.float32(255.0)
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _visibility(cosine: float, surface: Floats) -> float:
     """The chance that a surface sends light back at this incidence: 1, falling to 0 over the fading angle."""
     if cosine >= surface[1]:
@@ -26,7 +26,7 @@ def _visibility(cosine: float, surface: Floats) -> float:
     return 0.0 if angle >= surface[3] else (surface[3] - angle) / (surface[3] - surface[2])
 
 
-@njit(cache=True)
+@kernel()
 def mixed_returns(
     cells: NDArray[np.int64],
     sub_range_m: Floats,
@@ -61,7 +61,7 @@ def mixed_returns(
             brightness[c, r] = sum_of_weights / num_sub_rays
 
 
-@njit(cache=True)
+@kernel()
 def _strongest(range_m: Floats, weights: NDArray[np.float64], pulse_m: float) -> tuple[int, float, float]:
     """Of the return with the largest signal: its nearest sub-ray (-1: there is none), mean range, sum of weights."""
     best, best_signal, best_mean, best_weight = -1, 0.0, 0.0, 0.0
@@ -78,7 +78,7 @@ def _strongest(range_m: Floats, weights: NDArray[np.float64], pulse_m: float) ->
     return best, best_mean, best_weight
 
 
-@njit(cache=True)
+@kernel()
 def measured_ranges(
     range_m: Floats,
     face: Ints,
@@ -131,13 +131,13 @@ def measured_ranges(
     return measured, intensity, counts
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _strength(brightness: float, range_m: float, even_signal: float) -> float:
     """The signal over that at which half the beams return; infinite without dropouts."""
     return brightness / (range_m * range_m * even_signal) if even_signal > 0.0 else math.inf
 
 
-@njit(cache=True, inline="always")
+@kernel(inline="always")
 def _detection_chance(strength: float, steepness: float) -> float:
     """s^k / (1 + s^k)."""
     if strength <= 0.0:
@@ -145,7 +145,7 @@ def _detection_chance(strength: float, steepness: float) -> float:
     return 1.0 / (1.0 + math.exp(-steepness * math.log(strength)))
 
 
-@njit(cache=True)
+@kernel()
 def packed(
     measured_m: Floats,
     intensity: Floats,

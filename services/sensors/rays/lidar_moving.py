@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from services.sensors.rays.culling import candidates_of, half_extent_m
-from services.sensors.rays.sections import cut, rings_between, seen_from, wedge
+from services.sensors.rays.sections import cut, rings_between, seen_from
 
 Float = NDArray[np.float64]
 
@@ -98,9 +98,7 @@ def turn_to_group(corners: Float, num: int, cos: float, sin: float, seen: Float)
 
 
 @njit(cache=True)
-def _draw_body(
-    bodies: Any, b: int, table: Any, frame: Float, origin_m: Float, near_m: float, column: _Column
-) -> None:
+def _draw_body(bodies: Any, b: int, table: Any, frame: Float, origin_m: Float, near_m: float, column: _Column) -> None:
     if is_aside(bodies, b, frame, origin_m, table.widest_rad, 0.0):
         return
     is_outside = distance_to_planes(bodies, b, origin_m, column.distance_m) > near_m
@@ -134,9 +132,7 @@ def _draw_narrow(bodies: Any, p: int, table: Any, g: int, frame: Float, near_m: 
 
 
 @njit(cache=True)
-def _draw_wide(
-    bodies: Any, b: int, p: int, table: Any, g: int, frame: Float, near_m: float, column: _Column
-) -> None:
+def _draw_wide(bodies: Any, b: int, p: int, table: Any, g: int, frame: Float, near_m: float, column: _Column) -> None:
     """Draws a face into rings of nearly one azimuth: at its borders each ring is tested against its edges."""
     first_edge, last_edge = bodies.outline_start[p], bodies.outline_start[p + 1]
     tails, heads = bodies.outline_tails, bodies.outline_heads
@@ -188,9 +184,7 @@ def _is_inside(corners: Float, tails: Any, heads: Any, first: int, last: int, is
 
 
 @njit(cache=True)
-def _fill(
-    bodies: Any, p: int, table: Any, frame: Float, near_m: float, column: _Column, first: int, last: int
-) -> None:
+def _fill(bodies: Any, p: int, table: Any, frame: Float, near_m: float, column: _Column, first: int, last: int) -> None:
     """Keeps a plane where it is the nearest yet, for rings that surely look at its face."""
     n, distance_m = bodies.normals[p], column.distance_m[p]
     a = np.float32(-(frame[0, 0] * n[0] + frame[0, 1] * n[1] + frame[0, 2] * n[2]) / distance_m)
