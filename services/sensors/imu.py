@@ -57,8 +57,8 @@ class InertialUnit:
     At a pose, angular velocity and acceleration are central differences over its neighbours, by their actual stamps;
     between two poses both are linear, and the rotation turns evenly. This is exact while angular velocity and
     acceleration are constant. A measurement is given with the second pose that is not before it, so one to two periods
-    of the poses late. The first ones are those at the second pose. Before a gap of more than 0.1 s in the poses the last
-    ones are missing; after it, or where stamps do not go forward, it begins anew, and the biases wander on.
+    of the poses late. The first ones are those at the second pose. Before a gap of more than 0.1 s in the poses the
+    last ones are missing; after it, or where stamps do not go forward, it begins anew, and the biases wander on.
 
     The white noise of a sample has the standard deviation density * sqrt(rate); a bias is drawn at the start and walks
     by density * sqrt(period) a sample. frame: of the messages. gravity_mps2: along the world's -z.
