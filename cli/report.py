@@ -62,7 +62,7 @@ def score_run(recording: Recording, config: Config) -> RunReport:
     Raises:
         HyrecroError: the recording holds no odometry, map or structure to score.
     """
-    estimated, true = _paired_poses(recording)
+    estimated, true = _paired_poses(recording, config.sensors.lidar.frame)
     cloud = _last_map(recording)
     T_world_map = true[0][1] @ estimated[0][1].inv()
     map_points_m = T_world_map.apply(cloud.points_m)
@@ -122,7 +122,7 @@ def count_messages(recording: Recording, other_sensors: Iterable[str] = ()) -> d
     return counts
 
 
-def _paired_poses(recording: Recording) -> tuple[StampedPoses, StampedPoses]:
+def _paired_poses(recording: Recording, frame: str) -> tuple[StampedPoses, StampedPoses]:
     estimated = {
         odometry.stamp_ns: SE3.from_xyz_quat_xyzw(odometry.T_frame_child)
         for odometry in cast(Iterator[Odometry], recording.messages(MAP_ODOMETRY))
@@ -130,7 +130,7 @@ def _paired_poses(recording: Recording) -> tuple[StampedPoses, StampedPoses]:
     true: StampedPoses = []
     for transforms in cast(Iterator[Transforms], recording.messages(TF)):
         if transforms.stamp_ns in estimated:
-            true.append((transforms.stamp_ns, FrameTree(transforms).T_root("lidar")))
+            true.append((transforms.stamp_ns, FrameTree(transforms).T_root(frame)))
     if not true:
         raise HyrecroError(f"{recording.path}: holds no odometry with a true pose at the same time")
     return [(stamp_ns, estimated[stamp_ns]) for stamp_ns, _ in true], true

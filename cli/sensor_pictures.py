@@ -16,7 +16,7 @@ from shared.geometry import SE3
 from shared.messaging.frames import FrameTree
 from shared.messaging.messages import DepthImage, LidarScan, RobotDescription, StructureDescription, Transforms
 from shared.runtime.config import Config
-from shared.runtime.sensor_config import LidarConfig
+from shared.runtime.sensor_config import DepthConfig, LidarConfig
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -120,9 +120,9 @@ def _lidar(config: Config, preset: str) -> LidarScanner:
 
 def _depth_camera(config: Config, preset: str) -> DepthCamera:
     sensor = config.sensors.depth
-    settings = {"preset": preset, "mode": "1280x720", "frame": sensor.frame, "backend": sensor.backend}
-    settings |= {"min_range_m": 0.3, "max_range_m": 3.0}
-    return DepthCamera(type(sensor).model_validate(settings), sensor_seed(config, "depth"), lambda: False)
+    settings: dict[str, object] = {"preset": preset, "mode": "1280x720", "frame": sensor.frame}
+    settings |= {"backend": sensor.backend, "min_range_m": 0.3, "max_range_m": 3.0}
+    return DepthCamera(DepthConfig.model_validate(settings), sensor_seed(config, "depth"), lambda: False)
 
 
 def _is_mixed(scan: LidarScan) -> Any:

@@ -20,5 +20,5 @@ def deskewed(scan: LidarScan, motion: Motion, at_ns: int | None = None) -> NDArr
     R, t = rotations[:, 0], translations_m[:, 0]
     to_end = np.einsum("ji,njk->nik", R[-1], R[:-1])
     shift_m = (t[:-1] - t[-1]) @ R[-1]
-    points_m = np.einsum("nij,nj->ni", to_end[moment], scan.points_m) + shift_m[moment]
-    return points_m.astype(np.float32)
+    straight: NDArray[np.floating] = np.einsum("nij,nj->ni", to_end[moment], scan.points_m) + shift_m[moment]
+    return straight.astype(np.float32)

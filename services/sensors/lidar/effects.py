@@ -69,7 +69,7 @@ class LidarEffects:
             mixed_returns(*met, self._surfaces, self._pulse_m, range_m, true_range_m, face, brightness)
         seen = (range_m, face, hits.cos_incidence, brightness, self._surfaces, self._is_filtered)
         measured_m, intensity, counts = measured_ranges(
-            *seen, self._detection, self._noise_m, self._gate_m, self._seed, np.uint64(stamp_ns)
+            *seen, self._detection, self._noise_m, self._gate_m, self._seed, stamp_ns
         )
         return Returns(*packed(measured_m, intensity, counts, face, true_range_m, self._origins_m, self._directions))
 

@@ -90,7 +90,7 @@ def measured_ranges(
     noise_m: NDArray[np.float64],
     gate_m: NDArray[np.float64],
     seed: np.uint64,
-    stamp: np.uint64,
+    stamp: int,
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
     """Measured ranges (C, R), negative where nothing is reported, intensities (C, R), and returns a ring (R,).
 
