@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from services.sensors.rays.interface import Poses
 from services.sensors.scene import Scene, scene_of
 from shared.errors import InputFileError, MessageError
-from shared.messaging.frames import FrameTree
+from shared.messaging.frames import motion_of
 from shared.messaging.messages import RobotDescription, StructureDescription, Transforms
-from shared.motion import Motion
 from shared.robot.description import Shape
 from shared.robot.urdf import parse_urdf
 
@@ -81,14 +80,9 @@ class Surroundings:
         if self.scene is None:
             raise MessageError(f"the {self._sensor_name} needs the descriptions of robot and structure first")
         stamps = np.asarray(stamps_ns, dtype=np.int64)
-        trees = [FrameTree(each) for each in transforms]
-        known_ns = [each.stamp_ns for each in transforms]
-        sensor = Motion(known_ns, [[tree.T_root(self._frame)] for tree in trees])
-        sensor_rotation, sensor_translation_m = sensor.at(stamps)
-        # A scene without links has one that nothing refers to: Motion needs a frame to follow.
-        links = self.scene.links or (self._frame,)
-        scene = Motion(known_ns, [[tree.T_root(link) for link in links] for tree in trees])
-        link_rotation, link_translation_m = scene.at(_block_middles(stamps, num_blocks))
+        motion = motion_of(transforms, [self._frame, *self.scene.links])
+        sensor_rotation, sensor_translation_m = motion.of(slice(0, 1)).at(stamps)
+        link_rotation, link_translation_m = motion.of(slice(1, None)).at(_block_middles(stamps, num_blocks))
         return Poses(
             sensor_rotation=sensor_rotation[:, 0],
             sensor_translation_m=sensor_translation_m[:, 0],

@@ -123,7 +123,7 @@ def test_a_moving_scan_is_bent_and_true_motion_straightens_it(backend):
     lidar = scanner(moving(backend=backend), fine)
     known = [(time_ms, turning(time_ms)) for time_ms in range(0, 110, 10)]
     (scan,) = [scan for time_ms, pose in known for scan in lidar.add_transforms(transforms(time_ms, pose))]
-    motion = Motion([time_ms * 10**6 for time_ms, _ in known], [[pose] for _, pose in known])
+    motion = Motion([time_ms * 10**6 for time_ms, _ in known], [[pose.xyz_quat_xyzw] for _, pose in known])
     as_it_stands = turning(0).apply(scan.points_m)
     straight = turning(0).apply(deskewed(scan, motion))
     distance_m = [np.abs((np.abs(points) - [4, 3, 2]).max(axis=1)) for points in (as_it_stands, straight)]

@@ -30,7 +30,7 @@ class Beams:
     @property
     def encoder_rad(self) -> NDArray[np.float64]:
         """(C,): 2 pi (1 - column / C), less a whole turn."""
-        return -2.0 * np.pi / self.num_columns * np.arange(self.num_columns)
+        return -2.0 * np.pi / self.num_columns * np.arange(self.num_columns, dtype=np.float64)
 
     def origins_m(self) -> NDArray[np.float64]:
         """Where the beams of each column begin (C, 3), in the sensor's frame."""
