@@ -48,17 +48,21 @@ def _draw_nearest(disparity_px: Float32, nearest_px: Float32) -> None:
     Those begin at an outline and end where the right imager sees them beside all that is left of the outline.
     """
     nearest_px[:] = np.float32(0.0)
-    width, outline = len(disparity_px), -1
-    for u in range(1, width):
-        if disparity_px[u] - disparity_px[u - 1] > _STEP_PX:
+    outline = -1
+    before = disparity_px[0]
+    for u in range(1, len(disparity_px)):
+        disparity = disparity_px[u]
+        column_before, column = u - 1 - before, u - disparity
+        if disparity - before > _STEP_PX:
             outline = u
-        elif outline >= 0:
-            start, end = u - 1 - disparity_px[u - 1], u - disparity_px[u]
-            if start > outline:
-                outline = -1
-            elif disparity_px[u - 1] - disparity_px[u] <= _STEP_PX:
-                for column in range(max(math.ceil(start), 0), math.floor(end) + 1):
-                    nearest_px[column] = max(nearest_px[column], disparity_px[u])
+        elif column_before > outline:
+            outline = -1
+        if outline >= 0:
+            is_surface = abs(disparity - before) <= _STEP_PX
+            first = math.ceil(column_before) if is_surface else int(np.rint(column))
+            for seen in range(max(first, 0), int(np.rint(column)) + 1):
+                nearest_px[seen] = max(nearest_px[seen], disparity)
+        before = disparity
 
 
 @kernel()
