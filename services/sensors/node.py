@@ -15,9 +15,9 @@ from shared.errors import ConfigError
 from shared.messaging.channels import (
     DEPTH_POINTS,
     ROBOT_DESCRIPTION,
-    SENSOR_CHANNELS,
     STRUCTURE_DESCRIPTION,
     TF,
+    sensor_channels,
 )
 from shared.messaging.frames import FrameTree
 from shared.messaging.messages import Message, Transforms
@@ -35,7 +35,6 @@ def build_node(name: str, config: Config, context: Context) -> Node:
     sensor = config.sensors.named().get(name)
     if sensor is None:
         raise ConfigError([f"sensors: no sensor '{name}'; configured are {', '.join(config.sensors.named())}"])
-    outputs = tuple(channel.of_sensor(name) for channel in SENSOR_CHANNELS[sensor.kind])
     facade: LidarScanner | DepthCamera
     if isinstance(sensor, LidarConfig):
         facade = load_lidar(sensor, sensor_seed(config, name), name)
@@ -50,7 +49,7 @@ def build_node(name: str, config: Config, context: Context) -> Node:
             STRUCTURE_DESCRIPTION: facade.set_structure,
             TF: _feeding(facade, imu, sensor.frame),
         },
-        outputs=outputs,
+        outputs=sensor_channels(name),
     )
 
 

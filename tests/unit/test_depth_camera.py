@@ -182,7 +182,7 @@ def test_a_new_structure_is_seen_from_then_on():
 
 
 def test_descriptions_and_transforms_that_do_not_fit():
-    with pytest.raises(InputFileError, match="no link 'depth_optical' for the depth camera; links are body"):
+    with pytest.raises(InputFileError, match="no link 'depth_optical' for the depth; links are body"):
         depth_camera().set_robot(robot('<robot name="r"><link name="body"/></robot>'))
     with pytest.raises(InputFileError, match="not well-formed"):
         depth_camera().set_structure(structure("<robot <"))
