@@ -101,7 +101,7 @@ def test_every_view_draws_with_the_layout(run_folder, tmp_path):
     with viewer(run_folder / "run.mcap", run_folder / "layout") as client:
         state = client.get_state()
         assert sorted(view.view_class for view in state.views) == sorted(
-            ["3D", "StateTimeline", "TextLog", *["TimeSeries"] * 4]
+            ["2D", "3D", "StateTimeline", "TextLog", *["TimeSeries"] * 4]
         )
         for share in (0.1, 0.5, 0.99):
             stamp_s = share * recording.duration_s
