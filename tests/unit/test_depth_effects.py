@@ -214,7 +214,7 @@ def test_shadows_are_those_of_a_search_over_all_pairs(pieces):
     is_behind = (column[:, np.newaxis] == column) & (disparity > disparity[:, np.newaxis] + 1)
     expected = np.where(is_behind.any(axis=1) | (column < 0), 0, disparity)
     shaded = disparity.astype(np.float32)
-    shade_row(shaded, np.empty_like(shaded))
+    shade_row(shaded, np.empty_like(shaded), np.empty(len(shaded), np.int32))
     np.testing.assert_array_equal(shaded, expected)
 
 

@@ -60,6 +60,7 @@ def match(
     is_edge = edge_blocks(face, stereo.edge_jitter_px)
     rows = np.empty((4, width), dtype=np.float32)
     disparity_px, row_cos, error_px, scratch = rows[0], rows[1], rows[2], rows[3]
+    outlines = np.empty(width, dtype=np.int32)
     for v in range(height):
         disparity_px[:], row_cos[:] = depth_m[v], cos_incidence[v]
         if stereo.edge_jitter_px > 0.0:
@@ -67,7 +68,7 @@ def match(
             jitter_row(depth_m, cos_incidence, v, is_edge[v // BLOCK_PX], displacements, spline, disparity_px, row_cos)
         _to_disparity(disparity_px, stereo.focal_baseline_px_m)
         if stereo.has_shadow:
-            shade_row(disparity_px, scratch)
+            shade_row(disparity_px, scratch, outlines)
         if stereo.max_incidence_rad < math.pi / 2:
             _drop_grazing(disparity_px, row_cos, stereo, seed, v * width)
         error_px[:] = np.float32(0.0)
