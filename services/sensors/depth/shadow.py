@@ -81,7 +81,7 @@ def _draw_nearest(disparity_px: Float32, outline: int, nearest_px: Float32) -> N
         column = np.float32(u) - disparity
         last = int(np.rint(column))
         is_surface = u > outline and before - disparity <= _STEP_PX
-        for seen in range(max(int(math.ceil(column_before)) if is_surface else last, 0), last + 1):
+        for seen in range(max(math.ceil(column_before) if is_surface else last, 0), last + 1):
             nearest_px[seen] = max(nearest_px[seen], disparity)
         before, column_before = disparity, column
 
