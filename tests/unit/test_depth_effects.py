@@ -18,11 +18,11 @@ def effects(seed=1, camera=CAMERA, **given):
     return StereoEffects(DepthConfig.model_validate({**IDEAL, **given}), camera, seed)
 
 
-def hits(depth_m, face=None, cos_incidence=None):
+def hits(depth_m, cos_incidence=None):
     depth_m = np.broadcast_to(np.asarray(depth_m, np.float32), (CAMERA.height, CAMERA.width)).copy()
-    face = np.where(np.isinf(depth_m), -1, 0) if face is None else np.broadcast_to(face, depth_m.shape)
+    face = np.where(np.isinf(depth_m), -1, 0).astype(np.int32)
     cosines = np.ones_like(depth_m) if cos_incidence is None else np.broadcast_to(cos_incidence, depth_m.shape)
-    return Hits(depth_m, face.astype(np.int32), cosines.astype(np.float32))
+    return Hits(depth_m, face, cosines.astype(np.float32))
 
 
 def measured(camera, depth_m, stamp_ns=0, **given):
@@ -142,11 +142,10 @@ def test_depths_that_a_pixel_does_not_hold_are_not_given():
 
 STEP_AT = 320
 STEP_M = np.where(np.arange(CAMERA.width) < STEP_AT, 3.0, 1.0)
-STEP_FACE = np.where(np.arange(CAMERA.width) < STEP_AT, 0, 1)
 
 
 def test_outlines_are_displaced_by_the_jitter_and_hold_together():
-    images = [measured(effects(seed, edge_jitter_px=1.5), STEP_M, face=STEP_FACE) for seed in range(8)]
+    images = [measured(effects(seed, edge_jitter_px=1.5), STEP_M) for seed in range(8)]
     outlines = np.array([(image == 3000).sum(axis=1) - STEP_AT for image in images])
     assert outlines.std() == pytest.approx(1.5, rel=0.15)
     assert abs(outlines.mean()) < 0.4
@@ -159,17 +158,12 @@ def test_outlines_are_displaced_by_the_jitter_and_hold_together():
 def test_jitter_leaves_surfaces_without_a_step_as_they_are():
     u, v = np.meshgrid(np.arange(CAMERA.width), np.arange(CAMERA.height))
     depth_m = 1 / (1.0 + 0.001 * u - 0.0005 * v)
-    face = (u // 20) % 2
-    with_jitter, without = (measured(effects(edge_jitter_px=px), depth_m, face=face) for px in (1.5, 0.0))
+    with_jitter, without = (measured(effects(edge_jitter_px=px), depth_m) for px in (1.5, 0.0))
     assert (with_jitter == without).all()
 
 
 def test_jitter_acts_up_and_down_too():
-    outlines = measured(
-        effects(edge_jitter_px=2.0),
-        np.where(np.arange(480) < 240, 3.0, 1.0)[:, np.newaxis],
-        face=np.where(np.arange(480) < 240, 0, 1)[:, np.newaxis],
-    )
+    outlines = measured(effects(edge_jitter_px=2.0), np.where(np.arange(480) < 240, 3.0, 1.0)[:, np.newaxis])
     assert ((outlines == 3000).sum(axis=0) - 240).std() == pytest.approx(2.0, rel=0.35)
 
 
@@ -214,7 +208,7 @@ def test_shadows_are_those_of_a_search_over_all_pairs(pieces):
     is_behind = (column[:, np.newaxis] == column) & (disparity > disparity[:, np.newaxis] + 1)
     expected = np.where(is_behind.any(axis=1) | (column < 0), 0, disparity)
     shaded = disparity.astype(np.float32)
-    shade_row(shaded, np.empty_like(shaded))
+    shade_row(shaded, np.empty_like(shaded), np.empty(len(shaded), np.int32))
     np.testing.assert_array_equal(shaded, expected)
 
 
@@ -241,7 +235,7 @@ def test_without_a_fade_holes_begin_at_once_and_at_90_degrees_there_are_none():
 
 def test_the_same_seed_and_stamp_give_the_same_image():
     first, second = effects(5, preset="datasheet"), effects(5, preset="datasheet")
-    measured(first, STEP_M, 3, face=STEP_FACE)
-    images = [measured(each, STEP_M, 9, face=STEP_FACE, cos_incidence=0.3) for each in (first, second)]
+    measured(first, STEP_M, 3)
+    images = [measured(each, STEP_M, 9, cos_incidence=0.3) for each in (first, second)]
     assert (images[0] == images[1]).all()
-    assert (images[0] != measured(first, STEP_M, 10, face=STEP_FACE, cos_incidence=0.3)).any()
+    assert (images[0] != measured(first, STEP_M, 10, cos_incidence=0.3)).any()

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from services.sensors.depth import effects
 from services.sensors.depth.effects import StereoEffects
 from services.sensors.depth.pinhole import Pinhole
 from services.sensors.depth.point_kernels import points_of
+from services.sensors.rays import camera_conversion
 from services.sensors.rays.backends import make_backend
 from services.sensors.rays.interface import NO_FACE, Hits
 from services.sensors.scene import Scene
@@ -152,3 +154,10 @@ def _of_faces(values: NDArray[np.int32], face: NDArray[np.int32]) -> NDArray[np.
     """The face's value for each pixel; NO_FACE is -1 and picks the last, itself."""
     table = np.append(values, np.int32(NO_FACE))
     return table[face.reshape(-1)]
+
+
+def compile_kernels() -> None:
+    """Compiles what a depth camera runs, into numba's cache."""
+    camera_conversion.compile_kernels()
+    effects.compile_kernels()
+    points_of(np.ones((1, 1), dtype=np.uint16), 1.0, 1.0, 0.0, 0.0)

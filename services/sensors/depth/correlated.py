@@ -44,7 +44,7 @@ def _along(num_pixels: int, spacing_px: float) -> tuple[NDArray[np.int64], Float
 
 @kernel()
 def knot_rows(spline: Spline, seed: np.uint64, stream: int) -> Float32:
-    """The rows of knots (K, W), interpolated along themselves; `add_row` and `at_pixel` interpolate between them."""
+    """The rows of knots (K, W), interpolated along themselves; `add_row` interpolates between them."""
     num_rows, num_columns = spline.first_row[-1] + 3, spline.first_column[-1] + 3
     knots = np.empty(num_columns, dtype=np.float32)
     rows = np.empty((num_rows, len(spline.first_column)), dtype=np.float32)
@@ -65,14 +65,6 @@ def add_row(rows: Float32, spline: Spline, v: int, sigma: np.float32, values: Fl
     above, middle, below = rows[first], rows[first + 1], rows[first + 2]
     for u in range(len(values)):
         values[u] += a * above[u] + b * middle[u] + c * below[u]
-
-
-@kernel(inline="always")
-def at_pixel(rows: Float32, spline: Spline, v: int, u: int) -> np.float32:
-    """The field at one pixel, of standard deviation 1."""
-    first, weights = spline.first_row[v], spline.row_weights[v]
-    value: np.float32 = weights[0] * rows[first, u] + weights[1] * rows[first + 1, u] + weights[2] * rows[first + 2, u]
-    return value
 
 
 @kernel()

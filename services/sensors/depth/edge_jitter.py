@@ -5,45 +5,42 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sensors.depth.correlated import Float32, Spline, at_pixel
+from services.sensors.depth.correlated import Float32, Spline, add_row
 from services.sensors.kernel import kernel
 
 BLOCK_PX = 8
-_MOST_SIGMAS = 4.0
+MOST_SIGMAS = 4.0
 _LEAST_STEP = np.float32(0.05)
 """A step between two depths is more than this share of the greater: a surface seen at 75 degrees has 0.6 % a pixel."""
 
 
 @kernel()
-def edge_blocks(face: NDArray[np.int32], jitter_px: np.float32) -> NDArray[np.bool_]:
-    """Which blocks of 8 x 8 pixels have another face within reach of the displacements."""
-    height, width = face.shape
-    borders = np.zeros(((height + BLOCK_PX - 1) // BLOCK_PX, (width + BLOCK_PX - 1) // BLOCK_PX), dtype=np.bool_)
+def edge_blocks(depth_m: Float32, jitter_px: np.float32) -> NDArray[np.bool_]:
+    """Which blocks of 8 x 8 pixels have a step in depth within reach of the displacements."""
+    height, width = depth_m.shape
+    steps = np.zeros(((height + BLOCK_PX - 1) // BLOCK_PX, (width + BLOCK_PX - 1) // BLOCK_PX), dtype=np.bool_)
+    if jitter_px == 0.0:
+        return steps
+    is_step = np.empty(width, dtype=np.bool_)
     for v in range(height):
-        _mark_changes(face[v], face[max(v - 1, 0)], borders[v // BLOCK_PX])
-    reach = int(np.ceil(_MOST_SIGMAS * jitter_px / BLOCK_PX))
-    near = np.zeros_like(borders)
-    for i in range(borders.shape[0]):
-        for j in range(borders.shape[1]):
-            if borders[i, j]:
+        _mark_steps(depth_m[v], depth_m[max(v - 1, 0)], is_step, steps[v // BLOCK_PX])
+    reach = int(np.ceil(MOST_SIGMAS * jitter_px / BLOCK_PX))
+    near = np.zeros_like(steps)
+    for i in range(steps.shape[0]):
+        for j in range(steps.shape[1]):
+            if steps[i, j]:
                 near[max(i - reach, 0) : i + reach + 1, max(j - reach, 0) : j + reach + 1] = True
     return near
 
 
 @kernel()
-def _mark_changes(row: NDArray[np.int32], above: NDArray[np.int32], borders: NDArray[np.bool_]) -> None:
-    """Marks the blocks in which a pixel's face is another than that of the one before or above it."""
-    width = len(row)
-    for block in range(width // BLOCK_PX):
-        start = block * BLOCK_PX
-        before = max(start - 1, 0)
-        changes = (row[start] ^ row[before]) | (row[start] ^ above[start])
-        for i in range(1, BLOCK_PX):
-            u = start + i
-            changes |= (row[u] ^ row[u - 1]) | (row[u] ^ above[u])
-        borders[block] |= changes != 0
-    for u in range(width // BLOCK_PX * BLOCK_PX, width):
-        borders[u // BLOCK_PX] |= row[u] != row[max(u - 1, 0)] or row[u] != above[u]
+def _mark_steps(row_m: Float32, above_m: Float32, is_step: NDArray[np.bool_], steps: NDArray[np.bool_]) -> None:
+    """Marks the blocks in which there is a step from a pixel to the one before or above it. is_step (W,) is scratch."""
+    is_step[0] = _is_step(row_m[0], above_m[0])
+    for u in range(1, len(row_m)):
+        is_step[u] = _is_step(row_m[u], row_m[u - 1]) | _is_step(row_m[u], above_m[u])
+    for block in range(len(steps)):
+        steps[block] |= is_step[block * BLOCK_PX : (block + 1) * BLOCK_PX].any()
 
 
 @kernel()
@@ -52,29 +49,39 @@ def jitter_row(
     cos_incidence: Float32,
     v: int,
     is_edge: NDArray[np.bool_],
-    displacements: tuple[Float32, Float32, np.float32],
-    spline: Spline,
+    displacements_px: Float32,
     row_m: Float32,
     row_cos: Float32,
 ) -> None:
-    """Displaces row v of the image within the blocks (of this row) that are near edges.
+    """Displaces row v of the image within those of its blocks that are near edges.
 
-    displacements: knot rows of those to the right and downwards, and their standard deviation in pixels. row_m, row_cos
-    (W,): the row, changed in place.
+    displacements_px (2, W): of the row's pixels to the right and downwards. row_m, row_cos (W,): the row, changed in
+    place.
     """
     height, width = depth_m.shape
-    right_rows, down_rows, jitter_px = displacements
-    most = np.float32(_MOST_SIGMAS)
+    right, down = displacements_px[0], displacements_px[1]
     for block in range(len(is_edge)):
         if not is_edge[block]:
             continue
         for u in range(block * BLOCK_PX, min((block + 1) * BLOCK_PX, width)):
-            right = min(max(at_pixel(right_rows, spline, v, u), -most), most)
-            down = min(max(at_pixel(down_rows, spline, v, u), -most), most)
-            from_u = min(max(int(np.rint(u + jitter_px * right)), 0), width - 1)
-            from_v = min(max(int(np.rint(v + jitter_px * down)), 0), height - 1)
+            from_u = min(max(u + int(np.rint(right[u])), 0), width - 1)
+            from_v = min(max(v + int(np.rint(down[u])), 0), height - 1)
             if _is_step(depth_m[v, u], depth_m[from_v, from_u]):
                 row_m[u], row_cos[u] = depth_m[from_v, from_u], cos_incidence[from_v, from_u]
+
+
+@kernel()
+def displace_row(
+    rows: tuple[Float32, Float32], spline: Spline, v: int, jitter_px: np.float32, displacements_px: Float32
+) -> None:
+    """The displacements (2, W) of row v's pixels, within 4 standard deviations. rows: knot rows of both."""
+    displacements_px[:] = np.float32(0.0)
+    most_px = np.float32(MOST_SIGMAS) * jitter_px
+    for axis in range(2):
+        values = displacements_px[axis]
+        add_row(rows[axis], spline, v, jitter_px, values)
+        for u in range(len(values)):
+            values[u] = min(max(values[u], -most_px), most_px)
 
 
 @kernel(inline="always")

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.sensors.depth.correlated import Float32, Spline, add_row, knot_rows
-from services.sensors.depth.edge_jitter import BLOCK_PX, edge_blocks, jitter_row
+from services.sensors.depth.edge_jitter import BLOCK_PX, displace_row, edge_blocks, jitter_row
 from services.sensors.depth.shadow import shade_row
 from services.sensors.kernel import kernel
 from services.sensors.noise_hash import hash64, normal_of, uniform
 
 PIXEL_STREAM, DISPARITY_STREAM, RIGHT_STREAM, DOWN_STREAM, HOLE_STREAM = range(5)
 
+_CHUNK_PX = 64
 _MAX_MM = np.float32(65_535.0)
 
 
@@ -42,7 +43,6 @@ class Stereo(NamedTuple):
 @kernel()
 def match(
     depth_m: Float32,
-    face: NDArray[np.int32],
     cos_incidence: Float32,
     static_px: Float32,
     spline: Spline,
@@ -56,18 +56,21 @@ def match(
     height, width = depth_m.shape
     depth_mm = np.empty((height, width), dtype=np.uint16)
     shared_px = knot_rows(spline, seed, DISPARITY_STREAM)
-    right_px, down_px = knot_rows(spline, seed, RIGHT_STREAM), knot_rows(spline, seed, DOWN_STREAM)
-    is_edge = edge_blocks(face, stereo.edge_jitter_px)
+    moved_px = (knot_rows(spline, seed, RIGHT_STREAM), knot_rows(spline, seed, DOWN_STREAM))
+    is_edge = edge_blocks(depth_m, stereo.edge_jitter_px)
     rows = np.empty((4, width), dtype=np.float32)
     disparity_px, row_cos, error_px, scratch = rows[0], rows[1], rows[2], rows[3]
+    displacements_px = np.empty((2, width), dtype=np.float32)
+    outlines = np.empty(width, dtype=np.int32)
     for v in range(height):
         disparity_px[:], row_cos[:] = depth_m[v], cos_incidence[v]
-        if stereo.edge_jitter_px > 0.0:
-            displacements = (right_px, down_px, stereo.edge_jitter_px)
-            jitter_row(depth_m, cos_incidence, v, is_edge[v // BLOCK_PX], displacements, spline, disparity_px, row_cos)
+        blocks = is_edge[v // BLOCK_PX]
+        if blocks.any():
+            displace_row(moved_px, spline, v, stereo.edge_jitter_px, displacements_px)
+            jitter_row(depth_m, cos_incidence, v, blocks, displacements_px, disparity_px, row_cos)
         _to_disparity(disparity_px, stereo.focal_baseline_px_m)
         if stereo.has_shadow:
-            shade_row(disparity_px, scratch)
+            shade_row(disparity_px, scratch, outlines)
         if stereo.max_incidence_rad < math.pi / 2:
             _drop_grazing(disparity_px, row_cos, stereo, seed, v * width)
         error_px[:] = np.float32(0.0)
@@ -91,11 +94,24 @@ def _drop_grazing(disparity_px: Float32, cos_incidence: Float32, stereo: Stereo,
     """Sets the disparity to 0 with a chance that rises linearly with the angle of incidence."""
     start_rad = stereo.max_incidence_rad - stereo.fade_rad
     cos_start = np.float32(math.cos(max(start_rad, 0.0)))
+    width = len(disparity_px)
+    for start in range(0, width, _CHUNK_PX):
+        end = min(start + _CHUNK_PX, width)
+        if not _has_grazing(disparity_px[start:end], cos_incidence[start:end], cos_start):
+            continue
+        for u in range(start, end):
+            if cos_incidence[u] <= cos_start and disparity_px[u] > 0.0:
+                beyond_rad = math.acos(cos_incidence[u]) - start_rad
+                if beyond_rad > uniform(seed, HOLE_STREAM, first + u) * stereo.fade_rad:
+                    disparity_px[u] = np.float32(0.0)
+
+
+@kernel()
+def _has_grazing(disparity_px: Float32, cos_incidence: Float32, cos_start: np.float32) -> bool:
+    num = 0
     for u in range(len(disparity_px)):
-        if cos_incidence[u] <= cos_start and disparity_px[u] > 0.0:
-            beyond_rad = math.acos(cos_incidence[u]) - start_rad
-            if beyond_rad > uniform(seed, HOLE_STREAM, first + u) * stereo.fade_rad:
-                disparity_px[u] = np.float32(0.0)
+        num += (cos_incidence[u] <= cos_start) & (disparity_px[u] > 0.0)
+    return num > 0
 
 
 @kernel()

@@ -49,7 +49,7 @@ class StereoEffects:
     def measure(self, hits: Hits, stamp_ns: int) -> NDArray[np.uint16]:
         """Depths (H, W) in mm, 0 where there is none, of what each pixel truly meets."""
         seed = np.uint64(hash64(self._seed, _IMAGE_STREAM, stamp_ns))
-        return match(hits.range_m, hits.face, hits.cos_incidence, self._static_px, self._spline, self._stereo, seed)
+        return match(hits.range_m, hits.cos_incidence, self._static_px, self._spline, self._stereo, seed)
 
 
 def compile_kernels() -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from services.sensors.depth.pinhole import Pinhole
 from services.sensors.rays.camera_kernels import Faces, View, draw, finish
-from services.sensors.rays.interface import Hits, Poses
+from services.sensors.rays.interface import NO_FACE, Hits, Poses
 from services.sensors.scene import Scene, scene_of
 
 
@@ -18,6 +18,7 @@ class CameraConversion:
 
     def __init__(self) -> None:
         self._faces: Faces | None = None
+        self._hits = _no_hits(0, 0)
 
     def set_scene(self, scene: Scene) -> None:
         """Takes what can be seen."""
@@ -25,6 +26,8 @@ class CameraConversion:
 
     def image(self, camera: Pinhole, poses: Poses, near_m: float, far_m: float) -> Hits:
         """The first hits between the depths `near_m` and `far_m` through each pixel; near_m is above 0.
+
+        The next image overwrites the arrays: fresh pages would cost more than what is drawn on them.
 
         Raises:
             ValueError: no scene was set.
@@ -37,13 +40,18 @@ class CameraConversion:
         view = View(
             camera.height, camera.width, camera.fx, camera.fy, camera.cx, camera.cy, float(near_m), float(far_m)
         )
-        shape = (camera.height, camera.width)
-        range_m, cos_incidence = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.float32)
-        face = np.empty(shape, dtype=np.int32)
+        if self._hits.face.shape != (camera.height, camera.width):
+            self._hits = _no_hits(camera.height, camera.width)
+        hits = self._hits
         distance_m = np.zeros(max(1, len(self._faces.normals)), dtype=np.float32)
-        draw(self._faces, rotations, translations_m, view, range_m, face, distance_m)
-        finish(range_m, face, distance_m, view, cos_incidence)
-        return Hits(range_m=range_m, face=face, cos_incidence=cos_incidence)
+        draw(self._faces, rotations, translations_m, view, hits.range_m, hits.face, distance_m)
+        finish(hits.range_m, hits.face, distance_m, view, hits.cos_incidence)
+        return hits
+
+
+def _no_hits(height: int, width: int) -> Hits:
+    range_m, cos_incidence = (np.zeros((height, width), dtype=np.float32) for _ in range(2))
+    return Hits(range_m=range_m, face=np.full((height, width), NO_FACE, dtype=np.int32), cos_incidence=cos_incidence)
 
 
 def faces_of(scene: Scene) -> Faces:

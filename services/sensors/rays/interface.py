@@ -72,4 +72,4 @@ class RayBackend(Protocol):
         """The sub-rays near edges, of the beams of the last `scan`, which had the same arguments."""
 
     def image(self, camera: Pinhole, poses: Poses, near_m: float, far_m: float) -> Hits:
-        """The first hits between the depths `near_m` and `far_m` through each pixel."""
+        """The first hits between the depths `near_m` and `far_m` through each pixel; the next call may overwrite them."""
