@@ -64,7 +64,10 @@ def decoded(pcap: str, metadata: str) -> Iterator[tuple[str, int, dict[str, NDAr
     yield from _scan(frame, to_xyz)
     if num_packets == 0:
         of_other = packets.size_error_count + packets.id_error_count
-        raise ValueError(f"it has no packet of the sensor in {metadata} ({of_other} of another sensor or mode)")
+        port = info.config.udp_port_lidar
+        raise ValueError(
+            f"it has no packet of the sensor in {metadata} on port {port} ({of_other} of another sensor or mode)"
+        )
 
 
 def _read_metadata(core: Any, path: str) -> Any:
