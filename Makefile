@@ -3,10 +3,11 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+KERNELS := $(VENV)/.kernels
 
 .PHONY: setup ouster demo test check lock clean
 
-setup: $(STAMP)
+setup: $(KERNELS)
 
 $(STAMP): requirements-dev.lock pyproject.toml tools/system-libraries.sh
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || \
@@ -15,6 +16,10 @@ $(STAMP): requirements-dev.lock pyproject.toml tools/system-libraries.sh
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	touch $@
+
+$(KERNELS): $(STAMP) $(shell find services/sensors -name '*.py')
+	$(BIN)/python -m services.sensors.compile_kernels
 	touch $@
 
 # What reads an Ouster's pcap, in an environment of its own: its pins break the main one

@@ -46,7 +46,7 @@ def polygons_of(solid: Solid) -> Polygons:
     mesh = mesh_of(solid)
     match solid:
         case Box():
-            return _polygons(mesh, _quads(mesh), np.arange(6))
+            return _polygons(mesh, list(_quads(mesh)), np.arange(6))
         case Cylinder():
             sides, ring = _quads(mesh, _NUM_SEGMENTS), np.arange(_NUM_SEGMENTS)
             rows = [*sides, ring[::-1], ring + _NUM_SEGMENTS]
@@ -76,7 +76,9 @@ def _quads(mesh: Mesh, num_quads: int | None = None) -> NDArray[np.uint32]:
 def _without_repeats(mesh: Mesh, row: NDArray[np.integer]) -> NDArray[np.integer]:
     """The corners of a polygon that do not coincide with the one before: a quad at a sphere's pole is a triangle."""
     corners = mesh.vertices_m[row]
-    return row[np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1) > 1e-9 * np.abs(corners).max()]
+    is_apart = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1) > 1e-9 * np.abs(corners).max()
+    kept: NDArray[np.integer] = row[is_apart]
+    return kept
 
 
 def faces_of(solid: Solid) -> NDArray[np.int32]:

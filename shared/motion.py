@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-from shared.geometry import SE3
 
 Float = NDArray[np.float64]
 
@@ -15,43 +11,45 @@ Float = NDArray[np.float64]
 class Motion:
     """Poses of one or several frames over time: linear in between (rotations at an even rate), still before and after.
 
-    stamps_ns (K,): increasing. poses: K rows, of each frame one.
+    stamps_ns (K,): increasing. poses (K, L, 7): of L frames, x y z in metres and the unit quaternion x y z w.
 
     Raises:
-        ValueError: no rows, rows of unequal length, or stamps that do not increase.
+        ValueError: no poses, not one row a stamp, or stamps that do not increase.
     """
 
-    def __init__(self, stamps_ns: ArrayLike, poses: Sequence[Sequence[SE3]]) -> None:
-        self._stamps_ns = np.asarray(stamps_ns, dtype=np.int64)
-        self._quats = np.array([[pose.quat_xyzw for pose in row] for row in poses])
-        self._rotations = np.array([[pose.rotation for pose in row] for row in poses])
-        self._translations = np.array([[pose.translation for pose in row] for row in poses])
-        if len(poses) == 0 or self._translations.ndim != 3 or len(self._stamps_ns) != len(poses):
-            raise ValueError("a motion needs a stamp a row, and in each row a pose of every frame")
+    def __init__(self, stamps_ns: ArrayLike, poses: ArrayLike) -> None:
+        self._stamps_ns, known = np.asarray(stamps_ns, dtype=np.int64), np.asarray(poses, dtype=np.float64)
+        if known.ndim != 3 or known.shape[2] != 7 or len(known) == 0 or len(self._stamps_ns) != len(known):
+            raise ValueError(f"a motion needs poses (K, L, 7) and K stamps, got {known.shape}, {self._stamps_ns.shape}")
         if (np.diff(self._stamps_ns) <= 0).any():
             raise ValueError("the stamps of a motion must increase")
+        self._translations, self._quats = known[..., :3], known[..., 3:]
+
+    def of(self, frames: slice) -> Motion:
+        """The motion of some of the frames."""
+        return Motion(self._stamps_ns, np.concatenate([self._translations, self._quats], axis=-1)[:, frames])
 
     def at(self, stamps_ns: ArrayLike) -> tuple[Float, Float]:
         """Rotations (N, L, 3, 3) and translations (N, L, 3) of the L frames at N times."""
         stamps = np.asarray(stamps_ns, dtype=np.int64)
-        if len(self._stamps_ns) == 1:
-            return (np.repeat(values, len(stamps), axis=0) for values in (self._rotations, self._translations))  # type: ignore[return-value]
-        after = np.clip(np.searchsorted(self._stamps_ns, stamps, side="right"), 1, len(self._stamps_ns) - 1)
-        start, end = self._stamps_ns[after - 1], self._stamps_ns[after]
-        share = np.clip((stamps - start) / (end - start), 0.0, 1.0)[:, np.newaxis, np.newaxis]
-        a, b = self._translations[after - 1], self._translations[after]
-        return rotation_matrices(_slerp(self._quats[after - 1], self._quats[after], share)), a + share * (b - a)
+        last = len(self._stamps_ns) - 1
+        after = np.clip(np.searchsorted(self._stamps_ns, stamps, side="right"), min(1, last), last)
+        before = np.maximum(after - 1, 0)
+        start_ns, end_ns = self._stamps_ns[before], self._stamps_ns[after]
+        share = np.clip((stamps - start_ns) / np.maximum(end_ns - start_ns, 1), 0.0, 1.0)[:, np.newaxis, np.newaxis]
+        a, b = self._translations[before], self._translations[after]
+        quats = _slerp(self._quats[before], self._quats[after], share)
+        return rotation_matrices(quats), a + share * (b - a)
 
 
 def rotation_matrices(quats_xyzw: Float) -> Float:
     """Rotations (..., 3, 3) of unit quaternions (..., 4) x y z w."""
     x, y, z, w = np.moveaxis(quats_xyzw, -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    R = np.empty((*quats_xyzw.shape[:-1], 3, 3))
+    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+    R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    return R
 
 
 def _slerp(a: Float, b: Float, share: Float) -> Float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,12 +17,14 @@ class Recorder:
     service says that has seen no time yet. Before any time is known it waits, else a recording of a real sensor, whose
     time is that of day, would begin in 1970.
 
-    metadata: text kept at the head of the file.
+    metadata: text kept at the head of the file. channels: the table, with those of further sensors.
     """
 
-    def __init__(self, config: RecorderConfig, path: Path, metadata: Mapping[str, str]) -> None:
+    def __init__(
+        self, config: RecorderConfig, path: Path, metadata: Mapping[str, str], channels: Iterable[Channel] = CHANNELS
+    ) -> None:
         self._log = McapLog(
-            path, CHANNELS, metadata, chunk_bytes=config.chunk_size_kib * 1024, compression=config.compression
+            path, channels, metadata, chunk_bytes=config.chunk_size_kib * 1024, compression=config.compression
         )
         self._stamp_ns: int | None = None
         self._early: dict[tuple[str, int], tuple[Channel, Message]] = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from shared.messaging import messages as m
@@ -241,21 +242,43 @@ CHANNELS: tuple[Channel, ...] = (
 )
 
 
+_OTHER_SENSOR = re.compile(rf"({'|'.join(SENSOR_CHANNELS)})_[a-z0-9_]+")
+
+
+def channels_of(other_sensors: Iterable[str] = ()) -> tuple[Channel, ...]:
+    """The whole table, with the channels of further sensors, which are named `<kind>_<name>`.
+
+    Raises:
+        ValueError: a name that does not begin with a kind of sensor.
+    """
+    return CHANNELS + tuple(channel for sensor in other_sensors for channel in sensor_channels(sensor))
+
+
+def sensor_channels(sensor: str) -> tuple[Channel, ...]:
+    """What one sensor may publish: `lidar`, `depth`, or a further one, `<kind>_<name>`.
+
+    Raises:
+        ValueError: the name does not begin with a kind of sensor.
+    """
+    if sensor in SENSOR_CHANNELS:
+        return SENSOR_CHANNELS[sensor]
+    match = _OTHER_SENSOR.fullmatch(sensor)
+    if match is None:
+        raise ValueError(
+            f"no sensor can be called '{sensor}'; names are <kind>_<name>, kinds are {', '.join(SENSOR_CHANNELS)}"
+        )
+    return tuple(channel.of_sensor(sensor) for channel in SENSOR_CHANNELS[match[1]])
+
+
 def channel_of_key(key: str) -> Channel | None:
     """The channel a concrete key belongs to, or None. A prefix set by Zenoh's `namespace` may stand before it."""
     start = key.find(PREFIX)
     name = key[start + len(PREFIX) :] if start >= 0 else ""
-    for channel in CHANNELS:
+    sensor = name.partition("/")[0]
+    for channel in channels_of([sensor] if _OTHER_SENSOR.fullmatch(sensor) else []):
         if channel.key == name:
             return channel
         stem = channel.key.removesuffix("*")
         if stem != channel.key and name.startswith(stem) and "/" not in name[len(stem) :] and name != stem:
             return channel.of(name[len(stem) :])
-    return _channel_of_other_sensor(name)
-
-
-def _channel_of_other_sensor(name: str) -> Channel | None:
-    sensor, _, rest = name.partition("/")
-    kind = re.match(r"(lidar|depth)_[a-z0-9_]+$", sensor)
-    channels = SENSOR_CHANNELS[kind[1]] if kind else ()
-    return next((channel.of_sensor(sensor) for channel in channels if channel.key == f"{kind[1]}/{rest}"), None)
+    return None

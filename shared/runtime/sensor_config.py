@@ -195,10 +195,10 @@ class DepthConfig(SensorConfig):
     """Whether the robot is in view."""
     correlated_noise_px: float = Field(ge=0, le=10)
     correlation_px: float = Field(gt=0, le=100)
-    """Standard deviation of the disparity's noise that neighbours share, and its width."""
+    """Standard deviation of the disparity's noise that neighbours share, and the lag at which they share half of it."""
     white_noise_px: float = Field(ge=0, le=10)
     static_noise_px: float = Field(ge=0, le=10)
-    """Of the noise of each pixel alone, and of that which stays from image to image."""
+    """Of the noise of each pixel alone, and of that which neighbours share and which stays from image to image."""
     disparity_quantum_px: float = Field(ge=0, le=1)
     """Disparities are whole multiples of this. 0 = any."""
     max_disparity_px: float = Field(ge=0, le=10_000)
@@ -238,7 +238,7 @@ class SensorsConfig(Section):
 
     lidar: LidarConfig = Field(default_factory=lambda: LidarConfig.model_validate({}))
     depth: DepthConfig = Field(default_factory=lambda: DepthConfig.model_validate({}))
-    others: dict[OtherName, OtherSensor] = {}
+    others: dict[OtherName, OtherSensor] = Field(default_factory=dict)
     """Further sensors by name; the name begins with the kind, and is the first part of the sensor's keys."""
 
     def named(self) -> dict[str, LidarConfig | DepthConfig]:

@@ -30,20 +30,22 @@ class Beams:
     @property
     def encoder_rad(self) -> NDArray[np.float64]:
         """(C,): 2 pi (1 - column / C), less a whole turn."""
-        return -2.0 * np.pi / self.num_columns * np.arange(self.num_columns)
+        return -2.0 * np.pi / self.num_columns * np.arange(self.num_columns, dtype=np.float64)
 
     def origins_m(self) -> NDArray[np.float64]:
         """Where the beams of each column begin (C, 3), in the sensor's frame."""
         encoder = self.encoder_rad
         ring = np.stack([np.cos(encoder), np.sin(encoder), np.zeros_like(encoder)], axis=-1)
-        return np.asarray(self.T_sensor_lidar.apply(self.origin_m * ring), dtype=np.float64)
+        origins_m: NDArray[np.float64] = self.origin_m * ring @ self.T_sensor_lidar.rotation.T
+        return origins_m + self.T_sensor_lidar.translation
 
     def directions(self) -> NDArray[np.float64]:
         """Unit vectors (C, R, 3) in the sensor's frame."""
         azimuth = self.encoder_rad[:, np.newaxis] + self.azimuth_rad
         flat, up = np.broadcast_arrays(np.cos(self.elevation_rad), np.sin(self.elevation_rad))
         vectors = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.broadcast_to(up, azimuth.shape)], -1)
-        return vectors @ self.T_sensor_lidar.rotation.T
+        directions: NDArray[np.float64] = vectors @ self.T_sensor_lidar.rotation.T
+        return directions
 
 
 def uniform_beams(num_rings: int, top_deg: float, bottom_deg: float, num_columns: int) -> Beams:

@@ -69,7 +69,7 @@ class RayBackend(Protocol):
         """The first hits between `near_m` and `far_m` along each beam."""
 
     def edges(self, beams: Beams, poses: Poses, near_m: float, far_m: float, footprint: Footprint) -> EdgeHits:
-        """The sub-rays of the beams that were cast by the last `scan`, with the same arguments, where an edge is near."""
+        """The sub-rays near edges, of the beams of the last `scan`, which had the same arguments."""
 
     def image(self, camera: Pinhole, poses: Poses, near_m: float, far_m: float) -> Hits:
-        """The first hits between the depths `near_m` and `far_m` through each pixel."""
+        """The first hits between the depths `near_m` and `far_m` through each pixel; the next call may overwrite them."""

@@ -1,1 +1,163 @@
-"""Faces drawn into the columns of a spinning LiDAR."""
+"""Faces drawn into the columns of a spinning LiDAR.
+
+The beams of a column lie in half-planes through its axis. Such a half-plane cuts a convex face in one segment: one
+interval of elevations, so one run of rings. Along it 1 / range is linear in the beam's direction, and the largest wins.
+Nothing falls between grid points, and moving parts cost nothing extra.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from services.sensors.lidar.beams import Beams
+from services.sensors.lidar.footprint import Footprint
+from services.sensors.rays.bodies import Bodies, bodies_of
+from services.sensors.rays.interface import EdgeHits, Hits, Poses
+from services.sensors.rays.lidar_moving import scan_columns
+from services.sensors.rays.lidar_still import scan_still
+from services.sensors.rays.ring_table import RingTable, ring_table
+from services.sensors.scene import Scene
+
+Float = NDArray[np.float64]
+
+
+class LidarConversion:
+    """Draws scans. Convex shapes are met as solids: their inner sides only from inside or nearer than the near clip."""
+
+    def __init__(self) -> None:
+        self._placed = _Placed()
+        self._beams: Beams | None = None
+        self._table: RingTable
+
+    def set_scene(self, scene: Scene) -> None:
+        """Takes what the rays can meet."""
+        self._placed.set_bodies(bodies_of(scene))
+
+    def scan(self, beams: Beams, poses: Poses, near_m: float, far_m: float) -> Hits:
+        """The first hits between `near_m` and `far_m` along each beam.
+
+        Raises:
+            ValueError: elevations that do not fall from ring to ring.
+        """
+        table = self._table_of(beams)
+        hits = _no_hits(beams.num_columns, len(table.ring))
+        arrays = hits.range_m, hits.face, hits.cos_incidence
+        if _is_even(beams, poses, table):
+            bodies = self._placed.at(poses, 0)
+            frame, origin_m = _axes(beams, poses)
+            scan_still(bodies, table, frame, origin_m, near_m, far_m, float(beams.azimuth_rad[0]), arrays)
+            return hits
+        frames, origins_m = column_frames(beams, poses)
+        for block, columns in _blocks(beams, poses):
+            bodies = self._placed.at(poses, block)
+            part = tuple(array[columns] for array in arrays)
+            scan_columns(bodies, table, frames[columns], origins_m[columns], near_m, far_m, part)
+        return hits
+
+    def edges(self, beams: Beams, poses: Poses, near_m: float, far_m: float, footprint: Footprint) -> EdgeHits:
+        """What the sub-rays meet of the beams near an edge."""
+        raise NotImplementedError
+
+    def _table_of(self, beams: Beams) -> RingTable:
+        if beams is not self._beams:
+            self._table, self._beams = ring_table(beams), beams
+        return self._table
+
+
+class _Placed:
+    """The bodies in the world, moved only where their links have."""
+
+    def __init__(self) -> None:
+        self._own: Bodies | None = None
+        self._world: Bodies
+        self._rotation = np.empty((0, 3, 3))
+        self._translation_m = np.empty((0, 3))
+
+    def set_bodies(self, bodies: Bodies) -> None:
+        self._own = bodies
+        moved = {
+            name: np.empty_like(getattr(bodies, name))
+            for name in ("corners_m", "normals", "offsets_m", "centres_m", "half_axes_m")
+        }
+        self._world = bodies._replace(**moved)
+        num_links = int(bodies.link.max(initial=-1)) + 1
+        self._rotation = np.full((num_links, 3, 3), np.nan)
+        self._translation_m = np.full((num_links, 3), np.nan)
+
+    def at(self, poses: Poses, block: int) -> Bodies:
+        if self._own is None:
+            raise ValueError("set_scene comes first")
+        num_links = len(self._rotation)
+        rotation = poses.link_rotation[block][:num_links]
+        translation_m = poses.link_translation_m[block][:num_links]
+        has_moved = (rotation != self._rotation).any(axis=(1, 2)) | (translation_m != self._translation_m).any(axis=1)
+        if has_moved.any():
+            _place(self._own, self._world, has_moved, rotation, translation_m)
+            self._rotation, self._translation_m = rotation.copy(), translation_m.copy()
+        return self._world
+
+
+@njit(cache=True)
+def _place(own: Bodies, world: Bodies, has_moved: NDArray[np.bool_], rotation: Float, translation_m: Float) -> None:
+    for b in range(len(own.link)):
+        if not has_moved[own.link[b]]:
+            continue
+        R, t = rotation[own.link[b]], translation_m[own.link[b]]
+        for i in range(own.corner_start[b], own.corner_start[b + 1]):
+            _turn(R, own.corners_m[i], world.corners_m[i])
+            world.corners_m[i] += t
+        for p in range(own.plane_start[b], own.plane_start[b + 1]):
+            n = world.normals[p]
+            _turn(R, own.normals[p], n)
+            world.offsets_m[p] = own.offsets_m[p] + n[0] * t[0] + n[1] * t[1] + n[2] * t[2]
+        for axis in range(3):
+            _turn(R, own.half_axes_m[b, axis], world.half_axes_m[b, axis])
+        _turn(R, own.centres_m[b], world.centres_m[b])
+        world.centres_m[b] += t
+
+
+@njit(cache=True)
+def _turn(R: Float, vector: Float, out: Float) -> None:
+    for i in range(3):
+        out[i] = R[i, 0] * vector[0] + R[i, 1] * vector[1] + R[i, 2] * vector[2]
+
+
+def column_frames(beams: Beams, poses: Poses) -> tuple[Float, Float]:
+    """Of each column the axes outward along the encoder, to the left and up (C, 3, 3), and the beams' origin (C, 3)."""
+    num_columns, encoder = beams.num_columns, beams.encoder_rad
+    R, t = poses.sensor_rotation, poses.sensor_translation_m
+    axes = (R @ beams.T_sensor_lidar.rotation).transpose(0, 2, 1)
+    cos, sin = np.cos(encoder)[:, np.newaxis], np.sin(encoder)[:, np.newaxis]
+    frames = np.empty((num_columns, 3, 3))
+    frames[:, 0] = cos * axes[:, 0] + sin * axes[:, 1]
+    frames[:, 1] = cos * axes[:, 1] - sin * axes[:, 0]
+    frames[:, 2] = axes[:, 2]
+    origins_m = R @ beams.T_sensor_lidar.translation + t + beams.origin_m * frames[:, 0]
+    return frames, origins_m
+
+
+def _axes(beams: Beams, poses: Poses) -> tuple[Float, Float]:
+    """The axes in which the beams of a sensor at rest turn, as rows, and where they begin."""
+    R, t = poses.sensor_rotation[0], poses.sensor_translation_m[0]
+    frame = np.ascontiguousarray((R @ beams.T_sensor_lidar.rotation).T)
+    return frame, R @ beams.T_sensor_lidar.translation + t
+
+
+def _is_even(beams: Beams, poses: Poses, table: RingTable) -> bool:
+    is_still = len(poses.sensor_rotation) == len(poses.link_rotation) == 1
+    is_one_group = len(table.spread) == 1 and table.spread[0] == 0.0
+    return is_still and is_one_group and beams.origin_m == 0.0
+
+
+def _blocks(beams: Beams, poses: Poses) -> list[tuple[int, slice]]:
+    """Numbers of the blocks of columns that have any, and which columns those are."""
+    num_blocks = len(poses.link_rotation)
+    starts = [-(-block * beams.num_columns // num_blocks) for block in range(num_blocks + 1)]
+    return [(block, slice(a, b)) for block, (a, b) in enumerate(zip(starts, starts[1:], strict=False)) if a < b]
+
+
+def _no_hits(num_columns: int, num_rings: int) -> Hits:
+    shape = num_columns, num_rings
+    return Hits(np.empty(shape, np.float32), np.empty(shape, np.int32), np.empty(shape, np.float32))

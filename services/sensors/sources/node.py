@@ -13,7 +13,7 @@ from services.sensors.sources.playback import SourcePlayback
 from services.sensors.sources.ros_recording import read_bag
 from services.sensors.sources.world import world_of_map
 from shared.errors import ConfigError, InputFileError
-from shared.messaging.channels import SENSOR_CHANNELS, TF_STATIC, Channel
+from shared.messaging.channels import TF_STATIC, sensor_channels
 from shared.runtime.config import Config
 from shared.runtime.node import Context, Node
 
@@ -41,7 +41,7 @@ def source_builder(sensor: str, options: SourceOptions) -> Callable[[Config, Con
         recording = _recording(options, settings.kind, settings.frame, os.environ)
         is_mapped = sensor == "lidar"  # whose scans the mapper takes
         playback = SourcePlayback(options.path.name, sensor, recording, world_of_map if is_mapped else None)
-        channels = _channels(sensor, settings.kind)
+        channels = sensor_channels(sensor)
         return Node(
             name=sensor,
             outputs=(*channels, *([TF_STATIC] if is_mapped else [])),
@@ -63,7 +63,3 @@ def _recording(options: SourceOptions, kind: str, frame: str, environment: Mappi
         raise InputFileError(f"{options.path}: a pcap is of a lidar, and has no topics")
     python = Path(environment.get(PYTHON_VARIABLE) or DEFAULT_PYTHON)
     return read_pcap(options.path, options.metadata or metadata_of(options.path), python, frame)
-
-
-def _channels(sensor: str, kind: str) -> tuple[Channel, ...]:
-    return tuple(channel if sensor == kind else channel.of_sensor(sensor) for channel in SENSOR_CHANNELS[kind])
