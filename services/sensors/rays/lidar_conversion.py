@@ -15,8 +15,8 @@ from services.sensors.lidar.beams import Beams
 from services.sensors.lidar.footprint import Footprint
 from services.sensors.rays.bodies import Bodies, bodies_of
 from services.sensors.rays.interface import EdgeHits, Hits, Poses
-from services.sensors.rays.lidar_moving import scan_columns
-from services.sensors.rays.lidar_still import scan_still
+from services.sensors.rays.lidar_moving import scan_columns, column_for
+from services.sensors.rays.lidar_still import scan_still, grid_for
 from services.sensors.rays.ring_table import RingTable, ring_table
 from services.sensors.scene import Scene
 
@@ -47,13 +47,14 @@ class LidarConversion:
         if _is_even(beams, poses, table):
             bodies = self._placed.at(poses, 0)
             frame, origin_m = _axes(beams, poses)
-            scan_still(bodies, table, frame, origin_m, near_m, far_m, float(beams.azimuth_rad[0]), arrays)
+            scan_still(bodies, table, frame, origin_m, near_m, far_m, float(beams.azimuth_rad[0]), arrays, grid_for(bodies, table, arrays, float(beams.azimuth_rad[0])), np.empty(len(bodies.face)), np.empty(len(bodies.face)+1,np.int32), np.empty(len(bodies.face)+1,np.float32))
             return hits
         frames, origins_m = column_frames(beams, poses)
+        column, found = column_for(self._placed._own, len(table.ring)), np.empty(len(self._placed._own.radii_m), np.int32)
         for block, columns in _blocks(beams, poses):
             bodies = self._placed.at(poses, block)
             part = tuple(array[columns] for array in arrays)
-            scan_columns(bodies, table, frames[columns], origins_m[columns], near_m, far_m, part)
+            scan_columns(bodies, table, frames[columns], origins_m[columns], near_m, far_m, part, column, found)
         return hits
 
     def edges(self, beams: Beams, poses: Poses, near_m: float, far_m: float, footprint: Footprint) -> EdgeHits:

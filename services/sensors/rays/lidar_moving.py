@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from services.sensors.rays.culling import candidates_of, half_extent_m
-from services.sensors.rays.sections import cut, rings_between, seen_from, wedge
+from services.sensors.rays.sections import cut, rings_between, seen_from
 
 Float = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ _MIN_DISTANCE_M = 1e-9
 """A face whose plane the beams begin in is not met."""
 
 
-class _Column(NamedTuple):
+class Column(NamedTuple):
     """What is known of the column at hand.
 
     nearest (R,): 1 / range of each ring in the table's order, and plane (R,) it is on, -1 for none. distance_m (P,): of
@@ -35,57 +35,62 @@ class _Column(NamedTuple):
     distance_m: Float
     corners: Float
     seen: Float
+    walls: Float
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False)
 def scan_columns(
-    bodies: Any, table: Any, frames: Float, origins_m: Float, near_m: float, far_m: float, hits: Any
+    bodies: Any, table: Any, frames: Float, origins_m: Float, near_m: float, far_m: float, hits: Any, column: Any, found: Any
 ) -> None:
     """Writes range_m, face, cos_incidence (C, R), the arrays of `hits`, of C columns with these frames and origins."""
-    num_corners = np.max(np.diff(bodies.corner_start)) if len(bodies.radii_m) else 0
-    num_rings = len(table.ring)
-    column = _Column(
+    for first in range(0, len(frames), _BLOCK):
+        last = min(first + _BLOCK, len(frames))
+        num_found = candidates_of(bodies, table, frames[first:last], origins_m[first:last], (0.0, 0.0), far_m, column.walls, found)
+        for c in range(first, last):
+            column.nearest[:] = 1 / far_m
+            column.plane[:] = -1
+            for k in range(num_found):
+                _draw_body(bodies, found[k], table, frames, origins_m, c, near_m, column)
+            _write(bodies, table, column, c, hits[0], hits[1], hits[2])
+
+
+def column_for(bodies: Any, num_rings: int) -> Column:
+    num_corners = int(np.diff(bodies.corner_start).max(initial=0))
+    return Column(
         np.empty(num_rings, np.float32),
         np.empty(num_rings, np.int32),
         np.empty(len(bodies.face)),
         np.empty((3, num_corners)),
         np.empty((5, num_corners)),
+        np.empty((3, 3)),
     )
-    found = np.empty(len(bodies.radii_m), np.int32)
-    for first in range(0, len(frames), _BLOCK):
-        block = slice(first, min(first + _BLOCK, len(frames)))
-        num_found = candidates_of(bodies, table, frames[block], origins_m[block], (0.0, 0.0), far_m, found)
-        for c in range(block.start, block.stop):
-            column.nearest[:] = 1 / far_m
-            column.plane[:] = -1
-            for k in range(num_found):
-                _draw_body(bodies, found[k], table, frames[c], origins_m[c], near_m, column)
-            _write(bodies, table, column, hits[0][c], hits[1][c], hits[2][c])
 
 
-@njit(cache=True)
-def is_aside(bodies: Any, b: int, frame: Float, origin_m: Float, turn: float, width_m: float) -> bool:
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def is_aside(bodies: Any, b: int, frames: Float, origins_m: Float, c: int, turn: float, width_m: float) -> bool:
     """Whether a body's box stays out of the column's wedge: of half width `width_m`, widened by the angle `turn`."""
-    x, y = bodies.centres_m[b, 0] - origin_m[0], bodies.centres_m[b, 1] - origin_m[1]
-    z = bodies.centres_m[b, 2] - origin_m[2]
-    aside_m = abs(frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z)
+    x, y = bodies.centres_m[b, 0] - origins_m[c, 0], bodies.centres_m[b, 1] - origins_m[c, 1]
+    z = bodies.centres_m[b, 2] - origins_m[c, 2]
+    aside_m = abs(frames[c, 1, 0] * x + frames[c, 1, 1] * y + frames[c, 1, 2] * z)
     if turn > 0 or width_m > 0:
         aside_m -= width_m + turn * (math.sqrt(x * x + y * y + z * z) + bodies.radii_m[b])
-    return aside_m > half_extent_m(bodies.half_axes_m[b], frame[1, 0], frame[1, 1], frame[1, 2])
+    return aside_m > half_extent_m(bodies.half_axes_m, b, frames[c, 1, 0], frames[c, 1, 1], frames[c, 1, 2])
 
 
-@njit(cache=True)
-def distance_to_planes(bodies: Any, b: int, origin_m: Float, distance_m: Float) -> float:
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def distance_to_planes(bodies: Any, b: int, origins_m: Float, c: int, distance_m: Float) -> float:
     """Writes how far the origin is before each plane of a body; the largest: it is no nearer than that."""
     largest_m = -math.inf
     for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
-        n = bodies.normals[p]
-        distance_m[p] = n[0] * origin_m[0] + n[1] * origin_m[1] + n[2] * origin_m[2] - bodies.offsets_m[p]
-        largest_m = max(largest_m, distance_m[p])
+        along_m = -bodies.offsets_m[p]
+        for i in range(3):
+            along_m += bodies.normals[p, i] * origins_m[c, i]
+        distance_m[p] = along_m
+        largest_m = max(largest_m, along_m)
     return largest_m
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def turn_to_group(corners: Float, num: int, cos: float, sin: float, seen: Float) -> tuple[float, float]:
     """Writes a body's corners as seen along a group's azimuth; the extremes of `left` of the first `num`."""
     least, most = math.inf, -math.inf
@@ -97,19 +102,20 @@ def turn_to_group(corners: Float, num: int, cos: float, sin: float, seen: Float)
     return least, most
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _draw_body(
-    bodies: Any, b: int, table: Any, frame: Float, origin_m: Float, near_m: float, column: _Column
+    bodies: Any, b: int, table: Any, frames: Float, origins_m: Float, c: int, near_m: float, column: Column
 ) -> None:
-    if is_aside(bodies, b, frame, origin_m, table.widest_rad, 0.0):
+    if is_aside(bodies, b, frames, origins_m, c, table.widest_rad, 0.0):
         return
-    is_outside = distance_to_planes(bodies, b, origin_m, column.distance_m) > near_m
+    is_outside = distance_to_planes(bodies, b, origins_m, c, column.distance_m) > near_m
     start, end = bodies.corner_start[b], bodies.corner_start[b + 1]
-    seen_from(bodies.corners_m[start:end], frame, origin_m, column.corners)
+    seen_from(bodies.corners_m, start, end, frames, origins_m, c, column.corners)
+    reach_m = math.sqrt(_distance2(bodies, b, origins_m, c)) + bodies.radii_m[b]
     for g in range(len(table.cos)):
         least, most = turn_to_group(column.corners, end - start, table.cos[g], table.sin[g], column.seen)
         spread = table.spread[g]
-        slack_m = spread * np.abs(column.seen[0, : end - start]).max() if spread > 0 else 0.0
+        slack_m = spread * reach_m
         if least > slack_m or most < -slack_m:
             continue
         for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
@@ -117,25 +123,32 @@ def _draw_body(
             if abs(distance_m) < _MIN_DISTANCE_M or (is_outside and distance_m < 0):
                 continue
             if spread > 0:
-                _draw_wide(bodies, b, p, table, g, frame, near_m, column)
+                _draw_wide(bodies, b, p, table, g, frames, c, near_m, column)
             else:
-                _draw_narrow(bodies, p, table, g, frame, near_m, column)
+                _draw_narrow(bodies, p, table, g, frames, c, near_m, column)
 
 
-@njit(cache=True)
-def _draw_narrow(bodies: Any, p: int, table: Any, g: int, frame: Float, near_m: float, column: _Column) -> None:
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _distance2(bodies: Any, b: int, origins_m: Float, c: int) -> float:
+    square_m2 = 0.0
+    for i in range(3):
+        square_m2 += (bodies.centres_m[b, i] - origins_m[c, i]) ** 2
+    return square_m2
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _draw_narrow(bodies: Any, p: int, table: Any, g: int, frames: Float, c: int, near_m: float, column: Column) -> None:
     """Draws a face into rings of one azimuth."""
     outline = bodies.outline_start[p], bodies.outline_start[p + 1]
-    seen = column.seen
-    low, high = cut(seen[0], seen[1], seen[2], bodies.outline_tails, bodies.outline_heads, outline[0], outline[1])
+    low, high = cut(column.seen, 1, bodies.outline_tails, bodies.outline_heads, outline[0], outline[1])
     first, last = rings_between(table, g, low, high)
     if first < last:
-        _fill(bodies, p, table, frame, near_m, column, first, last)
+        _fill(bodies, p, table, frames, c, near_m, column, first, last)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _draw_wide(
-    bodies: Any, b: int, p: int, table: Any, g: int, frame: Float, near_m: float, column: _Column
+    bodies: Any, b: int, p: int, table: Any, g: int, frames: Float, c: int, near_m: float, column: Column
 ) -> None:
     """Draws a face into rings of nearly one azimuth: at its borders each ring is tested against its edges."""
     first_edge, last_edge = bodies.outline_start[p], bodies.outline_start[p + 1]
@@ -146,16 +159,16 @@ def _draw_wide(
     if inner_first >= inner_last:
         inner_first = inner_last = last
     else:
-        _fill(bodies, p, table, frame, near_m, column, inner_first, inner_last)
+        _fill(bodies, p, table, frames, c, near_m, column, inner_first, inner_last)
     is_front = column.distance_m[p] > 0
     for i in range(first, last):
         if i < inner_first or i >= inner_last:
             ray = table.direction[0, i], table.direction[1, i], table.direction[2, i]
             if _is_inside(column.corners, tails, heads, first_edge, last_edge, is_front, ray):
-                _fill(bodies, p, table, frame, near_m, column, i, i + 1)
+                _fill(bodies, p, table, frames, c, near_m, column, i, i + 1)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _face_in_wedge(seen: Float, spread: float, tails: Any, heads: Any, first: int, last: int) -> Any:
     """`wedge` of one face: `seen` holds the body's corners, of which the face has some."""
     low, high = math.inf, -math.inf
@@ -168,18 +181,19 @@ def _face_in_wedge(seen: Float, spread: float, tails: Any, heads: Any, first: in
             low, high = min(low, elevation), max(high, elevation)
             if seen[0, i] <= 0:
                 low = -math.inf
-    low_1, high_1 = cut(seen[0], seen[3], seen[2], tails, heads, first, last)
-    low_2, high_2 = cut(seen[0], seen[4], seen[2], tails, heads, first, last)
+    low_1, high_1 = cut(seen, 3, tails, heads, first, last)
+    low_2, high_2 = cut(seen, 4, tails, heads, first, last)
     return min(low, low_1, low_2), max(high, high_1, high_2), max(low_1, low_2), min(high_1, high_2)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _is_inside(corners: Float, tails: Any, heads: Any, first: int, last: int, is_front: bool, ray: Any) -> bool:
     """Whether a ray from the column's origin passes through a convex outline."""
-    x, y, z = corners
     for e in range(first, last):
         i, j = tails[e], heads[e]
-        m_x, m_y, m_z = y[i] * z[j] - z[i] * y[j], z[i] * x[j] - x[i] * z[j], x[i] * y[j] - y[i] * x[j]
+        m_x = corners[1, i] * corners[2, j] - corners[2, i] * corners[1, j]
+        m_y = corners[2, i] * corners[0, j] - corners[0, i] * corners[2, j]
+        m_z = corners[0, i] * corners[1, j] - corners[1, i] * corners[0, j]
         volume = m_x * ray[0] + m_y * ray[1] + m_z * ray[2]
         tolerance = 1e-8 * (abs(m_x) + abs(m_y) + abs(m_z))
         if (volume if is_front else -volume) > tolerance:
@@ -187,31 +201,32 @@ def _is_inside(corners: Float, tails: Any, heads: Any, first: int, last: int, is
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
 def _fill(
-    bodies: Any, p: int, table: Any, frame: Float, near_m: float, column: _Column, first: int, last: int
+    bodies: Any, p: int, table: Any, frames: Float, c: int, near_m: float, column: Column, first: int, last: int
 ) -> None:
     """Keeps a plane where it is the nearest yet, for rings that surely look at its face."""
-    n, distance_m = bodies.normals[p], column.distance_m[p]
-    a = np.float32(-(frame[0, 0] * n[0] + frame[0, 1] * n[1] + frame[0, 2] * n[2]) / distance_m)
-    b = np.float32(-(frame[1, 0] * n[0] + frame[1, 1] * n[1] + frame[1, 2] * n[2]) / distance_m)
-    c = np.float32(-(frame[2, 0] * n[0] + frame[2, 1] * n[1] + frame[2, 2] * n[2]) / distance_m)
+    x, y, z = bodies.normals[p, 0], bodies.normals[p, 1], bodies.normals[p, 2]
+    scale = -1 / column.distance_m[p]
+    q_x = np.float32(scale * (frames[c, 0, 0] * x + frames[c, 0, 1] * y + frames[c, 0, 2] * z))
+    q_y = np.float32(scale * (frames[c, 1, 0] * x + frames[c, 1, 1] * y + frames[c, 1, 2] * z))
+    q_z = np.float32(scale * (frames[c, 2, 0] * x + frames[c, 2, 1] * y + frames[c, 2, 2] * z))
     largest = np.float32(1 / near_m) if near_m > 0 else np.float32(np.inf)
     nearest, plane, direction = column.nearest, column.plane, table.direction
     for i in range(first, last):
-        inverse = a * direction[0, i] + b * direction[1, i] + c * direction[2, i]
+        inverse = q_x * direction[0, i] + q_y * direction[1, i] + q_z * direction[2, i]
         is_nearer = (inverse > nearest[i]) & (inverse <= largest)
         nearest[i] = inverse if is_nearer else nearest[i]
         plane[i] = np.int32(p) if is_nearer else plane[i]
 
 
-@njit(cache=True)
-def _write(bodies: Any, table: Any, column: _Column, range_m: Any, face: Any, cos_incidence: Any) -> None:
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _write(bodies: Any, table: Any, column: Column, c: int, range_m: Any, face: Any, cos_incidence: Any) -> None:
     for i in range(len(table.ring)):
         r, p = table.ring[i], column.plane[i]
         if p < 0:
-            range_m[r], face[r], cos_incidence[r] = np.float32(np.inf), np.int32(-1), np.float32(0)
+            range_m[c, r], face[c, r], cos_incidence[c, r] = np.float32(np.inf), np.int32(-1), np.float32(0)
         else:
-            range_m[r] = np.float32(1) / column.nearest[i]
-            face[r] = bodies.face[p]
-            cos_incidence[r] = min(np.float32(abs(column.distance_m[p])) * column.nearest[i], np.float32(1))
+            range_m[c, r] = np.float32(1) / column.nearest[i]
+            face[c, r] = bodies.face[p]
+            cos_incidence[c, r] = min(np.float32(abs(column.distance_m[p])) * column.nearest[i], np.float32(1))
