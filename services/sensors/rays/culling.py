@@ -17,7 +17,7 @@ def half_extent_m(half_axes_m: Float, b: int, x: float, y: float, z: float) -> f
     """How far a box reaches from its centre along a vector."""
     reach = 0.0
     for i in range(3):
-        reach += abs(half_axes_m[b, i, 0] * x + half_axes_m[b, i, 1] * y + half_axes_m[b, i, 2] * z)
+        reach += abs(half_axes_m[b, 0, i] * x + half_axes_m[b, 1, i] * y + half_axes_m[b, 2, i] * z)
     return reach
 
 
@@ -40,9 +40,9 @@ def candidates_of(
         walls[2, i] = math.sin(table.bottom_rad) * out[i] - math.cos(table.bottom_rad) * up[i]
     num = 0
     for b in range(len(bodies.radii_m)):
-        x = bodies.centres_m[b, 0] - origins_m[middle, 0]
-        y = bodies.centres_m[b, 1] - origins_m[middle, 1]
-        z = bodies.centres_m[b, 2] - origins_m[middle, 2]
+        x = bodies.centres_m[0, b] - origins_m[middle, 0]
+        y = bodies.centres_m[1, b] - origins_m[middle, 1]
+        z = bodies.centres_m[2, b] - origins_m[middle, 2]
         radius_m = bodies.radii_m[b]
         end_m = math.sqrt(x * x + y * y + z * z) + radius_m
         slack_m = turn * end_m + shift_m + reach[0]

@@ -100,29 +100,34 @@ class _Placed:
         return self._world
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False)
 def _place(own: Bodies, world: Bodies, has_moved: NDArray[np.bool_], rotation: Float, translation_m: Float) -> None:
     for b in range(len(own.link)):
-        if not has_moved[own.link[b]]:
+        link = own.link[b]
+        if not has_moved[link]:
             continue
-        R, t = rotation[own.link[b]], translation_m[own.link[b]]
-        for i in range(own.corner_start[b], own.corner_start[b + 1]):
-            _turn(R, own.corners_m[i], world.corners_m[i])
-            world.corners_m[i] += t
-        for p in range(own.plane_start[b], own.plane_start[b + 1]):
-            n = world.normals[p]
-            _turn(R, own.normals[p], n)
-            world.offsets_m[p] = own.offsets_m[p] + n[0] * t[0] + n[1] * t[1] + n[2] * t[2]
-        for axis in range(3):
-            _turn(R, own.half_axes_m[b, axis], world.half_axes_m[b, axis])
-        _turn(R, own.centres_m[b], world.centres_m[b])
-        world.centres_m[b] += t
+        planes = own.plane_start[b], own.plane_start[b + 1]
+        corners = own.corner_start[b], own.corner_start[b + 1]
+        _move(rotation, translation_m, link, 1.0, own.corners_m, corners, world.corners_m)
+        _move(rotation, translation_m, link, 1.0, own.centres_m, (b, b + 1), world.centres_m)
+        _move(rotation, translation_m, link, 0.0, own.normals, planes, world.normals)
+        _move(rotation, translation_m, link, 0.0, own.half_axes_m[b], (0, 3), world.half_axes_m[b])
+        for p in range(planes[0], planes[1]):
+            along_m = 0.0
+            for i in range(3):
+                along_m += world.normals[i, p] * translation_m[link, i]
+            world.offsets_m[p] = own.offsets_m[p] + along_m
 
 
-@njit(cache=True)
-def _turn(R: Float, vector: Float, out: Float) -> None:
-    for i in range(3):
-        out[i] = R[i, 0] * vector[0] + R[i, 1] * vector[1] + R[i, 2] * vector[2]
+@njit(cache=True, error_model="numpy", _nrt=False)
+def _move(
+    rotation: Float, translation_m: Float, link: int, share: float, columns: Float, which: tuple[int, int], out: Float
+) -> None:
+    """Writes columns[:, which[0]:which[1]] turned as the link is, and shifted by a share of its translation."""
+    for k in range(3):
+        x, y, z, shift_m = rotation[link, k, 0], rotation[link, k, 1], rotation[link, k, 2], translation_m[link, k]
+        for i in range(which[0], which[1]):
+            out[k, i] = x * columns[0, i] + y * columns[1, i] + z * columns[2, i] + share * shift_m
 
 
 def column_frames(beams: Beams, poses: Poses) -> tuple[Float, Float]:

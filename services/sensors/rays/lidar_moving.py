@@ -18,6 +18,8 @@ _BLOCK = 16
 """Columns that share a list of candidates."""
 _MARGIN = 1e-6
 """Rings that look so near the border of what surely fills a group's width are tested one by one."""
+_TOLERANCE = 2e-7
+_ASIDE, _ACROSS, _INSIDE = 0, 1, 2
 _MIN_DISTANCE_M = 1e-9
 """A face whose plane the beams begin in is not met."""
 
@@ -33,8 +35,10 @@ class Column(NamedTuple):
     nearest: NDArray[np.float32]
     plane: NDArray[np.int32]
     distance_m: Float
+    height_m: Any
     corners: Float
     seen: Float
+    clearance: Any
     walls: Float
 
 
@@ -60,8 +64,10 @@ def column_for(bodies: Any, num_rings: int) -> Column:
         np.empty(num_rings, np.float32),
         np.empty(num_rings, np.int32),
         np.empty(len(bodies.face)),
+        np.zeros(max(len(bodies.face), 1), np.float32),
         np.empty((3, num_corners)),
         np.empty((5, num_corners)),
+        np.empty(num_rings, np.float32),
         np.empty((3, 3)),
     )
 
@@ -69,31 +75,30 @@ def column_for(bodies: Any, num_rings: int) -> Column:
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def is_aside(bodies: Any, b: int, frames: Float, origins_m: Float, c: int, turn: float, width_m: float) -> bool:
     """Whether a body's box stays out of the column's wedge: of half width `width_m`, widened by the angle `turn`."""
-    x, y = bodies.centres_m[b, 0] - origins_m[c, 0], bodies.centres_m[b, 1] - origins_m[c, 1]
-    z = bodies.centres_m[b, 2] - origins_m[c, 2]
+    x, y = bodies.centres_m[0, b] - origins_m[c, 0], bodies.centres_m[1, b] - origins_m[c, 1]
+    z = bodies.centres_m[2, b] - origins_m[c, 2]
     aside_m = abs(frames[c, 1, 0] * x + frames[c, 1, 1] * y + frames[c, 1, 2] * z)
     if turn > 0 or width_m > 0:
         aside_m -= width_m + turn * (math.sqrt(x * x + y * y + z * z) + bodies.radii_m[b])
     return aside_m > half_extent_m(bodies.half_axes_m, b, frames[c, 1, 0], frames[c, 1, 1], frames[c, 1, 2])
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz", "nnan"})
 def distance_to_planes(bodies: Any, b: int, origins_m: Float, c: int, distance_m: Float) -> float:
     """Writes how far the origin is before each plane of a body; the largest: it is no nearer than that."""
-    largest_m = -math.inf
+    x, y, z = origins_m[c, 0], origins_m[c, 1], origins_m[c, 2]
+    largest_m = -1e300
     for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
-        along_m = -bodies.offsets_m[p]
-        for i in range(3):
-            along_m += bodies.normals[p, i] * origins_m[c, i]
-        distance_m[p] = along_m
-        largest_m = max(largest_m, along_m)
+        along_m = bodies.normals[0, p] * x + bodies.normals[1, p] * y + bodies.normals[2, p] * z
+        distance_m[p] = along_m - bodies.offsets_m[p]
+        largest_m = max(largest_m, distance_m[p])
     return largest_m
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz", "nnan"})
 def turn_to_group(corners: Float, num: int, cos: float, sin: float, seen: Float) -> tuple[float, float]:
     """Writes a body's corners as seen along a group's azimuth; the extremes of `left` of the first `num`."""
-    least, most = math.inf, -math.inf
+    least, most = 1e300, -1e300
     for i in range(num):
         seen[0, i] = corners[0, i] * cos + corners[1, i] * sin
         seen[1, i] = left = corners[1, i] * cos - corners[0, i] * sin
@@ -132,7 +137,7 @@ def _draw_body(
 def _distance2(bodies: Any, b: int, origins_m: Float, c: int) -> float:
     square_m2 = 0.0
     for i in range(3):
-        square_m2 += (bodies.centres_m[b, i] - origins_m[c, i]) ** 2
+        square_m2 += (bodies.centres_m[i, b] - origins_m[c, i]) ** 2
     return square_m2
 
 
@@ -140,7 +145,7 @@ def _distance2(bodies: Any, b: int, origins_m: Float, c: int) -> float:
 def _draw_narrow(bodies: Any, p: int, table: Any, g: int, frames: Float, c: int, near_m: float, column: Column) -> None:
     """Draws a face into rings of one azimuth."""
     outline = bodies.outline_start[p], bodies.outline_start[p + 1]
-    low, high = cut(column.seen, 1, bodies.outline_tails, bodies.outline_heads, outline[0], outline[1])
+    low, high, _, _ = cut(column.seen, 1, bodies.outline_tails, bodies.outline_heads, outline[0], outline[1])
     first, last = rings_between(table, g, low, high)
     if first < last:
         _fill(bodies, p, table, frames, c, near_m, column, first, last)
@@ -153,19 +158,40 @@ def _draw_wide(
     """Draws a face into rings of nearly one azimuth: at its borders each ring is tested against its edges."""
     first_edge, last_edge = bodies.outline_start[p], bodies.outline_start[p + 1]
     tails, heads = bodies.outline_tails, bodies.outline_heads
-    low, high, inner_low, inner_high = _face_in_wedge(column.seen, table.spread[g], tails, heads, first_edge, last_edge)
-    first, last = rings_between(table, g, low - _MARGIN, high + _MARGIN)
-    inner_first, inner_last = rings_between(table, g, inner_low + _MARGIN, inner_high - _MARGIN)
-    if inner_first >= inner_last:
-        inner_first = inner_last = last
+    where = _side_of_wedge(column.seen, table.spread[g], tails, first_edge, last_edge)
+    if where == _ASIDE:
+        return
+    if where == _ACROSS:
+        low, high, slope_low, slope_high = cut(column.seen, 1, tails, heads, first_edge, last_edge)
+        low_margin, high_margin = slope_low * table.spread[g] + _MARGIN, slope_high * table.spread[g] + _MARGIN
+        low, high, inner_low, inner_high = low - low_margin, high + high_margin, low + low_margin, high - high_margin
     else:
+        low, high, inner_low, inner_high = _face_in_wedge(column.seen, table.spread[g], tails, heads, first_edge, last_edge)
+    first, last = rings_between(table, g, low, high)
+    inner_first, inner_last = first, last
+    while inner_first < last and table.tangent[inner_first] > inner_high:
+        inner_first += 1
+    while inner_last > inner_first and table.tangent[inner_last - 1] < inner_low:
+        inner_last -= 1
+    if inner_first < inner_last:
         _fill(bodies, p, table, frames, c, near_m, column, inner_first, inner_last)
-    is_front = column.distance_m[p] > 0
-    for i in range(first, last):
-        if i < inner_first or i >= inner_last:
-            ray = table.direction[0, i], table.direction[1, i], table.direction[2, i]
-            if _is_inside(column.corners, tails, heads, first_edge, last_edge, is_front, ray):
-                _fill(bodies, p, table, frames, c, near_m, column, i, i + 1)
+    for start, end in ((first, inner_first), (inner_last, last)):
+        if start < end:
+            _clear_edges(bodies, p, table, column, start, end)
+            _fill_clear(bodies, p, table, frames, c, near_m, column, start, end)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _side_of_wedge(seen: Float, spread: float, tails: Any, first: int, last: int) -> int:
+    """Whether an outline lies aside of a wedge, across it with all corners outside, or has corners inside."""
+    num_left = num_right = 0
+    for e in range(first, last):
+        left, width_m = seen[1, tails[e]], spread * abs(seen[0, tails[e]])
+        num_left += left > width_m
+        num_right += left < -width_m
+    if num_left == last - first or num_right == last - first:
+        return _ASIDE
+    return _ACROSS if num_left + num_right == last - first else _INSIDE
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
@@ -181,24 +207,46 @@ def _face_in_wedge(seen: Float, spread: float, tails: Any, heads: Any, first: in
             low, high = min(low, elevation), max(high, elevation)
             if seen[0, i] <= 0:
                 low = -math.inf
-    low_1, high_1 = cut(seen, 3, tails, heads, first, last)
-    low_2, high_2 = cut(seen, 4, tails, heads, first, last)
-    return min(low, low_1, low_2), max(high, high_1, high_2), max(low_1, low_2), min(high_1, high_2)
+    low_1, high_1, _, _ = cut(seen, 3, tails, heads, first, last)
+    low_2, high_2, _, _ = cut(seen, 4, tails, heads, first, last)
+    return (
+        min(low, low_1, low_2) - _MARGIN,
+        max(high, high_1, high_2) + _MARGIN,
+        max(low_1, low_2) + _MARGIN,
+        min(high_1, high_2) - _MARGIN,
+    )
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def _is_inside(corners: Float, tails: Any, heads: Any, first: int, last: int, is_front: bool, ray: Any) -> bool:
-    """Whether a ray from the column's origin passes through a convex outline."""
-    for e in range(first, last):
-        i, j = tails[e], heads[e]
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+def _clear_edges(bodies: Any, p: int, table: Any, column: Column, first: int, last: int) -> None:
+    """Writes by how much rays of these rings pass within the outline of a face, seen from the column's origin."""
+    corners, clearance, direction = column.corners, column.clearance, table.direction
+    sign = -1.0 if column.distance_m[p] > 0 else 1.0
+    for i in range(first, last):
+        clearance[i] = np.float32(_TOLERANCE)
+    for e in range(bodies.outline_start[p], bodies.outline_start[p + 1]):
+        i, j = bodies.outline_tails[e], bodies.outline_heads[e]
         m_x = corners[1, i] * corners[2, j] - corners[2, i] * corners[1, j]
         m_y = corners[2, i] * corners[0, j] - corners[0, i] * corners[2, j]
         m_z = corners[0, i] * corners[1, j] - corners[1, i] * corners[0, j]
-        volume = m_x * ray[0] + m_y * ray[1] + m_z * ray[2]
-        tolerance = 1e-8 * (abs(m_x) + abs(m_y) + abs(m_z))
-        if (volume if is_front else -volume) > tolerance:
-            return False
-    return True
+        scale = sign / (abs(m_x) + abs(m_y) + abs(m_z) + 1e-300)
+        x, y, z = np.float32(scale * m_x), np.float32(scale * m_y), np.float32(scale * m_z)
+        for k in range(first, last):
+            inside = x * direction[0, k] + y * direction[1, k] + z * direction[2, k]
+            clearance[k] = inside if inside < clearance[k] else clearance[k]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+def _inverse_ranges(bodies: Any, p: int, frames: Float, c: int, column: Column) -> Any:
+    """q with 1 / range = q @ direction, seen from the column."""
+    x, y, z = bodies.normals[0, p], bodies.normals[1, p], bodies.normals[2, p]
+    scale = -1 / column.distance_m[p]
+    column.height_m[p] = abs(column.distance_m[p])
+    return (
+        np.float32(scale * (frames[c, 0, 0] * x + frames[c, 0, 1] * y + frames[c, 0, 2] * z)),
+        np.float32(scale * (frames[c, 1, 0] * x + frames[c, 1, 1] * y + frames[c, 1, 2] * z)),
+        np.float32(scale * (frames[c, 2, 0] * x + frames[c, 2, 1] * y + frames[c, 2, 2] * z)),
+    )
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
@@ -206,11 +254,7 @@ def _fill(
     bodies: Any, p: int, table: Any, frames: Float, c: int, near_m: float, column: Column, first: int, last: int
 ) -> None:
     """Keeps a plane where it is the nearest yet, for rings that surely look at its face."""
-    x, y, z = bodies.normals[p, 0], bodies.normals[p, 1], bodies.normals[p, 2]
-    scale = -1 / column.distance_m[p]
-    q_x = np.float32(scale * (frames[c, 0, 0] * x + frames[c, 0, 1] * y + frames[c, 0, 2] * z))
-    q_y = np.float32(scale * (frames[c, 1, 0] * x + frames[c, 1, 1] * y + frames[c, 1, 2] * z))
-    q_z = np.float32(scale * (frames[c, 2, 0] * x + frames[c, 2, 1] * y + frames[c, 2, 2] * z))
+    q_x, q_y, q_z = _inverse_ranges(bodies, p, frames, c, column)
     largest = np.float32(1 / near_m) if near_m > 0 else np.float32(np.inf)
     nearest, plane, direction = column.nearest, column.plane, table.direction
     for i in range(first, last):
@@ -220,13 +264,31 @@ def _fill(
         plane[i] = np.int32(p) if is_nearer else plane[i]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+def _fill_clear(
+    bodies: Any, p: int, table: Any, frames: Float, c: int, near_m: float, column: Column, first: int, last: int
+) -> None:
+    """Keeps a plane where it is the nearest yet, for rings that pass within its outline."""
+    q_x, q_y, q_z = _inverse_ranges(bodies, p, frames, c, column)
+    largest = np.float32(1 / near_m) if near_m > 0 else np.float32(np.inf)
+    nearest, plane, direction = column.nearest, column.plane, table.direction
+    clearance = column.clearance
+    for i in range(first, last):
+        inverse = q_x * direction[0, i] + q_y * direction[1, i] + q_z * direction[2, i]
+        is_nearer = (inverse > nearest[i]) & (inverse <= largest) & (clearance[i] >= -np.float32(_TOLERANCE))
+        nearest[i] = inverse if is_nearer else nearest[i]
+        plane[i] = np.int32(p) if is_nearer else plane[i]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
 def _write(bodies: Any, table: Any, column: Column, c: int, range_m: Any, face: Any, cos_incidence: Any) -> None:
-    for i in range(len(table.ring)):
-        r, p = table.ring[i], column.plane[i]
-        if p < 0:
-            range_m[c, r], face[c, r], cos_incidence[c, r] = np.float32(np.inf), np.int32(-1), np.float32(0)
-        else:
-            range_m[c, r] = np.float32(1) / column.nearest[i]
-            face[c, r] = bodies.face[p]
-            cos_incidence[c, r] = min(np.float32(abs(column.distance_m[p])) * column.nearest[i], np.float32(1))
+    for r in range(len(table.place)):
+        i = table.place[r]
+        inverse, p = column.nearest[i], column.plane[i]
+        is_hit = p >= 0
+        p = p if is_hit else np.int32(0)
+        cosine = column.height_m[p] * inverse
+        cosine = cosine if cosine < 1 else np.float32(1)
+        range_m[c, r] = np.float32(1) / inverse if is_hit else np.float32(np.inf)
+        face[c, r] = bodies.face[p] if is_hit else np.int32(-1)
+        cos_incidence[c, r] = cosine if is_hit else np.float32(0)

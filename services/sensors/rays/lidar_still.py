@@ -99,8 +99,8 @@ def grid_for(bodies: Any, table: Any, hits: Any, first_rad: float) -> _Grid:
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _is_out_of_view(bodies: Any, b: int, table: Any, frame: Float, origin_m: Float, far_m: float) -> bool:
     """Whether a body's ball lies beyond the range, or wholly above or below the beams."""
-    x, y = bodies.centres_m[b, 0] - origin_m[0], bodies.centres_m[b, 1] - origin_m[1]
-    z = bodies.centres_m[b, 2] - origin_m[2]
+    x, y = bodies.centres_m[0, b] - origin_m[0], bodies.centres_m[1, b] - origin_m[1]
+    z = bodies.centres_m[2, b] - origin_m[2]
     square_m2, radius_m = x * x + y * y + z * z, bodies.radii_m[b]
     if math.sqrt(square_m2) - radius_m > far_m:
         return True
@@ -126,7 +126,7 @@ def _draw_face(
         first, num = math.ceil(least), math.ceil(most) - math.ceil(least)
         first -= first // len(grid.low) * len(grid.low)
         _cut_edges(bodies, outline[0], outline[1], first - math.ceil(least), math.ceil(least), num, grid)
-    q_x, q_y, q_z = _inverse_ranges(frame, bodies.normals[p], distance_m)
+    q_x, q_y, q_z = _inverse_ranges(frame, bodies.normals[:, p], distance_m)
     largest = np.float32(1 / near_m) if near_m > 0 else np.float32(np.inf)
     for k in range(num):
         low, high = rings_between(table, 0, grid.low[k], grid.high[k])
@@ -140,7 +140,7 @@ def _draw_face(
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _inverse_ranges(frame: Float, normal: Float, distance_m: float) -> tuple[float, float, float]:
     """q with 1 / range = q @ direction, in the frame's axes."""
-    n_x, n_y, n_z = normal
+    n_x, n_y, n_z = normal[0], normal[1], normal[2]
     scale = -1 / distance_m
     return (
         scale * (frame[0, 0] * n_x + frame[0, 1] * n_y + frame[0, 2] * n_z),
@@ -172,7 +172,7 @@ def _cut_columns(bodies: Any, b: int, first: int, last: int, grid: _Grid) -> Non
     seen = grid.seen
     for c in range(len(grid.low)):
         turn_to_group(grid.corners, num, grid.cos[c], grid.sin[c], seen)
-        grid.low[c], grid.high[c] = cut(seen, 1, bodies.outline_tails, bodies.outline_heads, first, last)
+        grid.low[c], grid.high[c], _, _ = cut(seen, 1, bodies.outline_tails, bodies.outline_heads, first, last)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)

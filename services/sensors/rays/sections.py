@@ -21,42 +21,51 @@ _TOLERANCE = 1e-9
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def seen_from(corners_m: Float, first: int, last: int, frames: Float, origins_m: Float, c: int, out: Float) -> None:
-    """Writes corners[first:last] as column c sees them, with that frame (its axes as rows) and origin, into out."""
-    for i in range(last - first):
-        x = corners_m[first + i, 0] - origins_m[c, 0]
-        y = corners_m[first + i, 1] - origins_m[c, 1]
-        z = corners_m[first + i, 2] - origins_m[c, 2]
-        for k in range(3):
-            out[k, i] = frames[c, k, 0] * x + frames[c, k, 1] * y + frames[c, k, 2] * z
+    """Writes corners_m[:, first:last] as column c sees them, with that frame (its axes as rows) and origin, into out."""
+    x, y, z = origins_m[c, 0], origins_m[c, 1], origins_m[c, 2]
+    for k in range(3):
+        a, b, d = frames[c, k, 0], frames[c, k, 1], frames[c, k, 2]
+        for i in range(last - first):
+            j = first + i
+            out[k, i] = a * (corners_m[0, j] - x) + b * (corners_m[1, j] - y) + d * (corners_m[2, j] - z)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def cut(seen: Float, left: int, tails: Ints, heads: Ints, first: int, last: int) -> tuple[float, float]:
+def cut(seen: Float, left: int, tails: Ints, heads: Ints, first: int, last: int) -> Any:
     """Between which elevations the half-plane seen[left] = 0 cuts a convex polygon, exactly; (inf, -inf) if not at all.
 
     seen (5, n): of each corner outward, left and up, and two rows of other distances to the left.
     """
     num = 0
-    x0 = z0 = x1 = z1 = 0.0
+    i0 = j0 = i1 = j1 = 0
     for e in range(first, last):
         i, j = tails[e], heads[e]
-        a, b = seen[left, i], seen[left, j]
-        if (a > 0) != (b > 0):
-            share = a / (a - b)
-            x0, z0 = x1, z1
-            x1 = seen[0, i] + share * (seen[0, j] - seen[0, i])
-            z1 = seen[2, i] + share * (seen[2, j] - seen[2, i])
+        if (seen[left, i] > 0) != (seen[left, j] > 0):
+            i0, j0, i1, j1 = i1, j1, i, j
             num += 1
     if num < 2:
-        return math.inf, -math.inf
-    return _between(x0, z0, x1, z1)
+        return math.inf, -math.inf, 0.0, 0.0
+    x0, z0, slope0 = _crossing(seen, left, i0, j0)
+    x1, z1, slope1 = _crossing(seen, left, i1, j1)
+    if x0 > 0 and x1 > 0:
+        t0, t1 = z0 / x0, z1 / x1
+        return (t0, t1, slope0, slope1) if t0 < t1 else (t1, t0, slope1, slope0)
+    low, high = _between(x0, z0, x1, z1)
+    return low, high, math.inf, math.inf
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _crossing(seen: Float, left: int, i: int, j: int) -> tuple[float, float, float]:
+    """Where an edge crosses a half-plane: outward, up, and by how much the elevation changes with the azimuth."""
+    share = seen[left, i] / (seen[left, i] - seen[left, j])
+    x, z = seen[0, j] - seen[0, i], seen[2, j] - seen[2, i]
+    m_y, m_z = seen[2, i] * x - seen[0, i] * z, seen[0, i] * seen[1, j] - seen[1, i] * seen[0, j]
+    return seen[0, i] + share * x, seen[2, i] + share * z, abs(m_y / m_z)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _between(x0: float, z0: float, x1: float, z1: float) -> tuple[float, float]:
-    """The elevations of a segment's points with x > 0."""
-    if x0 > 0 and x1 > 0:
-        return min(z0 / x0, z1 / x1), max(z0 / x0, z1 / x1)
+    """The elevations of those points of a segment that have x > 0, of which not both ends do."""
     if x0 <= 0 and x1 <= 0:
         return math.inf, -math.inf
     elevation = z0 / x0 if x0 > 0 else z1 / x1
