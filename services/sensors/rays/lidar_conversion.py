@@ -126,7 +126,7 @@ def _move(
     """Writes columns[:, which[0]:which[1]] turned as the link is, and shifted by a share of its translation."""
     for k in range(3):
         x, y, z, shift_m = rotation[link, k, 0], rotation[link, k, 1], rotation[link, k, 2], translation_m[link, k]
-        for i in range(which[0], which[1]):
+        for i in range(np.uint64(which[0]), np.uint64(which[1])):
             out[k, i] = x * columns[0, i] + y * columns[1, i] + z * columns[2, i] + share * shift_m
 
 

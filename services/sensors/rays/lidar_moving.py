@@ -88,7 +88,7 @@ def distance_to_planes(bodies: Any, b: int, origins_m: Float, c: int, distance_m
     """Writes how far the origin is before each plane of a body; the largest: it is no nearer than that."""
     x, y, z = origins_m[c, 0], origins_m[c, 1], origins_m[c, 2]
     largest_m = -1e300
-    for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
+    for p in range(np.uint64(bodies.plane_start[b]), np.uint64(bodies.plane_start[b + 1])):
         along_m = bodies.normals[0, p] * x + bodies.normals[1, p] * y + bodies.normals[2, p] * z
         distance_m[p] = along_m - bodies.offsets_m[p]
         largest_m = max(largest_m, distance_m[p])
@@ -185,7 +185,7 @@ def _draw_wide(
 def _side_of_wedge(seen: Float, spread: float, tails: Any, first: int, last: int) -> int:
     """Whether an outline lies aside of a wedge, across it with all corners outside, or has corners inside."""
     num_left = num_right = 0
-    for e in range(first, last):
+    for e in range(np.uint64(first), np.uint64(last)):
         left, width_m = seen[1, tails[e]], spread * abs(seen[0, tails[e]])
         num_left += left > width_m
         num_right += left < -width_m
@@ -198,7 +198,7 @@ def _side_of_wedge(seen: Float, spread: float, tails: Any, first: int, last: int
 def _face_in_wedge(seen: Float, spread: float, tails: Any, heads: Any, first: int, last: int) -> Any:
     """`wedge` of one face: `seen` holds the body's corners, of which the face has some."""
     low, high = math.inf, -math.inf
-    for e in range(first, last):
+    for e in range(np.uint64(first), np.uint64(last)):
         i = tails[e]
         width_m = spread * seen[0, i]
         seen[3, i], seen[4, i] = seen[1, i] - width_m, seen[1, i] + width_m
@@ -222,16 +222,16 @@ def _clear_edges(bodies: Any, p: int, table: Any, column: Column, first: int, la
     """Writes by how much rays of these rings pass within the outline of a face, seen from the column's origin."""
     corners, clearance, direction = column.corners, column.clearance, table.direction
     sign = -1.0 if column.distance_m[p] > 0 else 1.0
-    for i in range(first, last):
+    for i in range(np.uint64(first), np.uint64(last)):
         clearance[i] = np.float32(_TOLERANCE)
-    for e in range(bodies.outline_start[p], bodies.outline_start[p + 1]):
+    for e in range(np.uint64(bodies.outline_start[p]), np.uint64(bodies.outline_start[p + 1])):
         i, j = bodies.outline_tails[e], bodies.outline_heads[e]
         m_x = corners[1, i] * corners[2, j] - corners[2, i] * corners[1, j]
         m_y = corners[2, i] * corners[0, j] - corners[0, i] * corners[2, j]
         m_z = corners[0, i] * corners[1, j] - corners[1, i] * corners[0, j]
         scale = sign / (abs(m_x) + abs(m_y) + abs(m_z) + 1e-300)
         x, y, z = np.float32(scale * m_x), np.float32(scale * m_y), np.float32(scale * m_z)
-        for k in range(first, last):
+        for k in range(np.uint64(first), np.uint64(last)):
             inside = x * direction[0, k] + y * direction[1, k] + z * direction[2, k]
             clearance[k] = inside if inside < clearance[k] else clearance[k]
 
@@ -257,7 +257,7 @@ def _fill(
     q_x, q_y, q_z = _inverse_ranges(bodies, p, frames, c, column)
     largest = np.float32(1 / near_m) if near_m > 0 else np.float32(np.inf)
     nearest, plane, direction = column.nearest, column.plane, table.direction
-    for i in range(first, last):
+    for i in range(np.uint64(first), np.uint64(last)):
         inverse = q_x * direction[0, i] + q_y * direction[1, i] + q_z * direction[2, i]
         is_nearer = (inverse > nearest[i]) & (inverse <= largest)
         nearest[i] = inverse if is_nearer else nearest[i]
@@ -273,7 +273,7 @@ def _fill_clear(
     largest = np.float32(1 / near_m) if near_m > 0 else np.float32(np.inf)
     nearest, plane, direction = column.nearest, column.plane, table.direction
     clearance = column.clearance
-    for i in range(first, last):
+    for i in range(np.uint64(first), np.uint64(last)):
         inverse = q_x * direction[0, i] + q_y * direction[1, i] + q_z * direction[2, i]
         is_nearer = (inverse > nearest[i]) & (inverse <= largest) & (clearance[i] >= -np.float32(_TOLERANCE))
         nearest[i] = inverse if is_nearer else nearest[i]

@@ -207,7 +207,7 @@ def _bound(low: Float, high: Float, cos: Float, sin: Float, t_x: float, t_y: flo
 def _fill(
     nearest: Any, plane: Any, flat: Any, rise: Any, a: Any, b: Any, largest: Any, p: int, first: int, last: int
 ) -> None:
-    for r in range(first, last):
+    for r in range(np.uint64(first), np.uint64(last)):
         inverse = a * flat[r] + b * rise[r]
         is_nearer = (inverse > nearest[r]) & (inverse <= largest)
         nearest[r] = inverse if is_nearer else nearest[r]

@@ -27,7 +27,7 @@ class RingTable(NamedTuple):
     """
 
     ring: NDArray[np.int32]
-    place: NDArray[np.int32]
+    place: NDArray[np.uint32]
     start: NDArray[np.int32]
     tangent: Float
     direction: Float32
@@ -64,7 +64,7 @@ def ring_table(beams: Beams) -> RingTable:
     flat, own = np.cos(elevation[ring]), azimuth[ring]
     return RingTable(
         ring=ring.astype(np.int32),
-        place=np.argsort(ring).astype(np.int32),
+        place=np.argsort(ring).astype(np.uint32),
         start=start.astype(np.int32),
         tangent=tangent,
         direction=np.stack([flat * np.cos(own), flat * np.sin(own), np.sin(elevation[ring])]).astype(np.float32),

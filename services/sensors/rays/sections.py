@@ -26,7 +26,7 @@ def seen_from(corners_m: Float, first: int, last: int, frames: Float, origins_m:
     for k in range(3):
         a, b, d = frames[c, k, 0], frames[c, k, 1], frames[c, k, 2]
         for i in range(last - first):
-            j = first + i
+            j = np.uint64(first + i)
             out[k, i] = a * (corners_m[0, j] - x) + b * (corners_m[1, j] - y) + d * (corners_m[2, j] - z)
 
 
@@ -37,8 +37,8 @@ def cut(seen: Float, left: int, tails: Ints, heads: Ints, first: int, last: int)
     seen (5, n): of each corner outward, left and up, and two rows of other distances to the left.
     """
     num = 0
-    i0 = j0 = i1 = j1 = 0
-    for e in range(first, last):
+    i0 = j0 = i1 = j1 = np.uint32(0)
+    for e in range(np.uint64(first), np.uint64(last)):
         i, j = tails[e], heads[e]
         if (seen[left, i] > 0) != (seen[left, j] > 0):
             i0, j0, i1, j1 = i1, j1, i, j
@@ -51,7 +51,8 @@ def cut(seen: Float, left: int, tails: Ints, heads: Ints, first: int, last: int)
         t0, t1 = z0 / x0, z1 / x1
         return (t0, t1, slope0, slope1) if t0 < t1 else (t1, t0, slope1, slope0)
     low, high = _between(x0, z0, x1, z1)
-    return low, high, math.inf, math.inf
+    slope = slope0 if x0 > 0 else slope1
+    return low, high, slope, slope
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
@@ -82,7 +83,7 @@ def span(seen: Float, left: int, tails: Ints, heads: Ints, first: int, last: int
     low, high = math.inf, -math.inf
     lowest, highest = math.inf, -math.inf
     is_across_axis = False
-    for e in range(first, last):
+    for e in range(np.uint64(first), np.uint64(last)):
         i, j = tails[e], heads[e]
         a, b = seen[left, i], seen[left, j]
         if (a > 0) != (b > 0):
