@@ -27,7 +27,7 @@ class Bodies(NamedTuple):
     outline of plane p is the edges outline_tails[i] -> outline_heads[i], i from outline_start[p] to
     outline_start[p + 1], corners counted from the body's first; a plane that is never met itself has none.
     centres_m (3, M), half_axes_m (M, 3, 3), radii_m (M,): a box around each body, its half axes as columns, and a ball.
-    link, surface (M,): what it is fixed to, and the `surfaces_of` its faces.
+    link (M,): what it is fixed to. surface_of_plane (P,): the `surfaces_of` its face.
     """
 
     corners_m: Float
@@ -46,7 +46,7 @@ class Bodies(NamedTuple):
     half_axes_m: Float
     radii_m: Float
     link: Ints
-    surface: Ints
+    surface_of_plane: Ints
 
 
 def surfaces_of(scene: Scene) -> Ints:
@@ -79,7 +79,7 @@ def bodies_of(scene: Scene) -> Bodies:
         half_axes_m=np.ascontiguousarray(half_axes_m.transpose(0, 2, 1)),
         radii_m=radii_m,
         link=faces.link,
-        surface=faces.surface,
+        surface_of_plane=surfaces_of(scene)[planes.face],
     )
 
 
@@ -107,7 +107,6 @@ class _Faces:
     backs: _Planes
     sides: _Planes
     link: Ints
-    surface: Ints
 
 
 def _faces_of(scene: Scene) -> _Faces:
@@ -158,7 +157,6 @@ def _faces_of(scene: Scene) -> _Faces:
         backs=backs,
         sides=sides,
         link=scene.shape_link[shape[first_face]].astype(np.int32),
-        surface=surfaces_of(scene)[is_face][first_face],
     )
 
 

@@ -12,9 +12,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from services.sensors.lidar.beams import Beams
-from services.sensors.lidar.footprint import Footprint
+from services.sensors.lidar.footprint import Footprint, sub_rays
 from services.sensors.rays.bodies import Bodies, bodies_of
 from services.sensors.rays.interface import EdgeHits, Hits, Poses
+from services.sensors.rays.lidar_edges import Room, SubRays, edge_columns, room_for, sub_ray_table
 from services.sensors.rays.lidar_moving import scan_columns, column_for
 from services.sensors.rays.lidar_still import scan_still, grid_for
 from services.sensors.rays.ring_table import RingTable, ring_table
@@ -30,10 +31,19 @@ class LidarConversion:
         self._placed = _Placed()
         self._beams: Beams | None = None
         self._table: RingTable
+        self._body_of_face = np.empty(0, dtype=np.int32)
+        self._footprint = Footprint(0.0, 0.0)
+        self._sub_rays: SubRays | None = None
+        self._room: Room | None = None
+        self._last: Hits | None = None
 
     def set_scene(self, scene: Scene) -> None:
         """Takes what the rays can meet."""
-        self._placed.set_bodies(bodies_of(scene))
+        bodies = bodies_of(scene)
+        self._placed.set_bodies(bodies)
+        self._body_of_face = np.zeros(scene.num_faces, dtype=np.int32)
+        self._body_of_face[bodies.face] = np.repeat(np.arange(len(bodies.link)), np.diff(bodies.plane_start))
+        self._last = self._room = None
 
     def scan(self, beams: Beams, poses: Poses, near_m: float, far_m: float) -> Hits:
         """The first hits between `near_m` and `far_m` along each beam.
@@ -43,6 +53,7 @@ class LidarConversion:
         """
         table = self._table_of(beams)
         hits = _no_hits(beams.num_columns, len(table.ring))
+        self._last = hits
         arrays = hits.range_m, hits.face, hits.cos_incidence
         if _is_even(beams, poses, table):
             bodies = self._placed.at(poses, 0)
@@ -50,7 +61,7 @@ class LidarConversion:
             scan_still(bodies, table, frame, origin_m, near_m, far_m, float(beams.azimuth_rad[0]), arrays, grid_for(bodies, table, arrays, float(beams.azimuth_rad[0])), np.empty(len(bodies.face)), np.empty(len(bodies.face)+1,np.int32), np.empty(len(bodies.face)+1,np.float32))
             return hits
         frames, origins_m = column_frames(beams, poses)
-        column, found = column_for(self._placed._own, len(table.ring)), np.empty(len(self._placed._own.radii_m), np.int32)
+        column, found = column_for(self._placed.own, len(table.ring)), np.empty(len(self._placed.own.radii_m), np.int32)
         for block, columns in _blocks(beams, poses):
             bodies = self._placed.at(poses, block)
             part = tuple(array[columns] for array in arrays)
@@ -59,11 +70,52 @@ class LidarConversion:
 
     def edges(self, beams: Beams, poses: Poses, near_m: float, far_m: float, footprint: Footprint) -> EdgeHits:
         """What the sub-rays meet of the beams near an edge."""
-        raise NotImplementedError
+        table = self._table_of(beams)
+        if footprint.exit_m == 0 and footprint.divergence_rad == 0:
+            return _no_edges()
+        if self._last is None or self._last.face.shape != (beams.num_columns, len(table.ring)):
+            self.scan(beams, poses, near_m, far_m)
+        assert self._last is not None
+        rays = self._sub_rays_of(beams, footprint)
+        bodies, num = self._placed.own, 0
+        room = self._room_for(table, self._last.face.size)
+        column, found = column_for(bodies, len(table.ring)), np.empty(len(bodies.radii_m), np.int32)
+        frames, origins_m = column_frames(beams, poses)
+        for block, columns in _blocks(beams, poses):
+            bodies = self._placed.at(poses, block)
+            num = edge_columns(
+                bodies,
+                self._body_of_face,
+                table,
+                rays,
+                frames[columns],
+                origins_m[columns],
+                (near_m, far_m),
+                self._last.face[columns],
+                columns.start,
+                column,
+                found,
+                room,
+                num,
+            )
+        return EdgeHits(
+            room.cells[:num].copy(), room.range_m[:num].copy(), room.face[:num].copy(), room.cos_incidence[:num].copy()
+        )
+
+    def _room_for(self, table: RingTable, num_cells: int) -> Room:
+        if self._room is None or len(self._room.cells) != num_cells:
+            self._room = room_for(self._placed.own, table, num_cells)
+        return self._room
+
+    def _sub_rays_of(self, beams: Beams, footprint: Footprint) -> SubRays:
+        if self._sub_rays is None or footprint != self._footprint:
+            self._sub_rays, self._footprint = sub_ray_table(beams, self._table, footprint), footprint
+        return self._sub_rays
 
     def _table_of(self, beams: Beams) -> RingTable:
         if beams is not self._beams:
             self._table, self._beams = ring_table(beams), beams
+            self._sub_rays = self._room = None
         return self._table
 
 
@@ -87,15 +139,20 @@ class _Placed:
         self._rotation = np.full((num_links, 3, 3), np.nan)
         self._translation_m = np.full((num_links, 3), np.nan)
 
-    def at(self, poses: Poses, block: int) -> Bodies:
+    @property
+    def own(self) -> Bodies:
+        """The bodies in their links' frames."""
         if self._own is None:
             raise ValueError("set_scene comes first")
+        return self._own
+
+    def at(self, poses: Poses, block: int) -> Bodies:
         num_links = len(self._rotation)
         rotation = poses.link_rotation[block][:num_links]
         translation_m = poses.link_translation_m[block][:num_links]
         has_moved = (rotation != self._rotation).any(axis=(1, 2)) | (translation_m != self._translation_m).any(axis=1)
         if has_moved.any():
-            _place(self._own, self._world, has_moved, rotation, translation_m)
+            _place(self.own, self._world, has_moved, rotation, translation_m)
             self._rotation, self._translation_m = rotation.copy(), translation_m.copy()
         return self._world
 
@@ -167,3 +224,8 @@ def _blocks(beams: Beams, poses: Poses) -> list[tuple[int, slice]]:
 def _no_hits(num_columns: int, num_rings: int) -> Hits:
     shape = num_columns, num_rings
     return Hits(np.empty(shape, np.float32), np.empty(shape, np.int32), np.empty(shape, np.float32))
+
+
+def _no_edges() -> EdgeHits:
+    shape = 0, len(sub_rays())
+    return EdgeHits(np.empty(0, np.int64), np.empty(shape, np.float32), np.empty(shape, np.int32), np.empty(shape, np.float32))

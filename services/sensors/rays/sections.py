@@ -127,3 +127,34 @@ def _first_at_or_below(table: Any, group: int, tangent: float) -> int:
     while i < end and table.tangent[i] > tangent:
         i += 1
     return i
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def wedge(seen: Float, num: int, slab: Any, tails: Ints, heads: Ints, first: int, last: int) -> Any:
+    """Outer and inner (low, high) of a convex body in the wedge |left| <= slab[0] + slab[1] * outward.
+
+    Whatever of the body is in the wedge lies between the outer elevations; between the inner ones it fills the wedge
+    from side to side. seen (5, n): of its corners; rows 3 and 4 are written to. The edges are those from `first` on.
+    """
+    low, high = math.inf, -math.inf
+    for i in range(num):
+        width_m = slab[0] + slab[1] * seen[0, i]
+        seen[3, i], seen[4, i] = seen[1, i] - width_m, seen[1, i] + width_m
+        if abs(seen[1, i]) <= width_m:
+            elevation = seen[2, i] / seen[0, i]
+            low = min(low, elevation) if seen[0, i] > 0 else -math.inf
+            high = max(high, elevation) if seen[0, i] > 0 else math.inf
+    low_1, high_1, is_exact_1 = span(seen, 3, tails, heads, first, last)
+    low_2, high_2, is_exact_2 = span(seen, 4, tails, heads, first, last)
+    low, high = min(low, low_1, low_2), max(high, high_1, high_2)
+    if not (is_exact_1 and is_exact_2):
+        return low, high, math.inf, -math.inf
+    return low, high, max(low_1, low_2), min(high_1, high_2)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def higher(tangent: float, by: float) -> float:
+    """The tangent of an elevation raised by an angle of tangent `by`; inf from straight up on."""
+    if math.isinf(tangent) or tangent * by >= 1:
+        return tangent if math.isinf(tangent) else math.inf
+    return (tangent + by) / (1 - tangent * by)

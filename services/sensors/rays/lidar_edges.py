@@ -1,0 +1,376 @@
+"""Beams of finite width where an edge is near: which they are, and what their sub-rays meet.
+
+For each body, column and group of rings: the elevations within which a sub-ray may meet it, and those within which all
+do. A beam may differ from its axis where its own body does not fill it, or where another body may be in front.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from services.sensors.lidar.beams import Beams
+from services.sensors.lidar.footprint import Footprint, sub_rays
+from services.sensors.rays.bodies import Bodies
+from services.sensors.rays.culling import candidates_of
+from services.sensors.rays.lidar_moving import Column, distance_to_planes, is_aside, turn_to_group
+from services.sensors.rays.ring_table import RingTable
+from services.sensors.rays.sections import higher, rings_between, seen_from, wedge
+
+Float = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+
+_LANES = 8
+"""Sub-rays of a beam that are cast at once; the last repeats the first."""
+_BLOCK = 16
+"""Columns that share a list of candidates."""
+_SAME_M = 1e-5
+"""Of two surfaces no farther apart than this the one listed first is met."""
+
+
+class SubRays(NamedTuple):
+    """The sub-rays of R beams in the order of a `RingTable`, seen along the encoder.
+
+    direction, origin_m (R, 3, _LANES). start_m, widening: half the width of the bundle at its start, and what is added
+    with each metre of range; slope: with each metre outward.
+    """
+
+    direction: Float32
+    origin_m: Float32
+    start_m: float
+    widening: float
+    slope: float
+
+
+class Room(NamedTuple):
+    """Room to work in, and for the results.
+
+    body, floor, bound, is_near_edge (R,): of each beam of a column the body its axis meets, the least 1 / range of its
+    sub-rays on it, the largest on another body, and whether to cast them. outer (M, G, 2): rings that may meet a body.
+    cast_m, entry_m, exit_m, cosine (_LANES,), plane (3, _LANES). cells, range_m, face, cos_incidence: see `EdgeHits`.
+    """
+
+    body: NDArray[np.int32]
+    floor: Float32
+    bound: Float32
+    is_near_edge: NDArray[np.bool_]
+    outer: NDArray[np.int32]
+    cast_m: Float32
+    entry_m: Float32
+    exit_m: Float32
+    plane: NDArray[np.int32]
+    cells: NDArray[np.int64]
+    range_m: Float32
+    face: NDArray[np.int32]
+    cos_incidence: Float32
+
+
+def sub_ray_table(beams: Beams, table: RingTable, footprint: Footprint) -> SubRays:
+    """The sub-rays of these beams."""
+    elevation, azimuth = beams.elevation_rad[table.ring], beams.azimuth_rad[table.ring]
+    flat, rise, zero = np.cos(elevation), np.sin(elevation), np.zeros_like(azimuth)
+    axis = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), rise], axis=-1)[:, np.newaxis]
+    left = np.stack([-np.sin(azimuth), np.cos(azimuth), zero], axis=-1)[:, np.newaxis]
+    where = sub_rays()
+    where = np.concatenate([where, where[:1]])
+    aside = where[:, :1] * left + where[:, 1:] * np.cross(axis, left)
+    direction = axis + np.tan(footprint.divergence_rad / 2) * aside
+    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+    radius = float(np.linalg.norm(where, axis=1).max()) * (1 + 1e-3)
+    widening = radius * math.tan(footprint.divergence_rad / 2)
+    return SubRays(
+        np.ascontiguousarray(direction.transpose(0, 2, 1), dtype=np.float32),
+        np.ascontiguousarray((footprint.exit_m / 2 * aside).transpose(0, 2, 1), dtype=np.float32),
+        radius * footprint.exit_m / 2,
+        widening,
+        widening / float(flat.min(initial=1.0)),
+    )
+
+
+def room_for(bodies: Bodies, table: RingTable, num_cells: int) -> Room:
+    """Room for scans of so many beams."""
+    num_rings, num_sub_rays = len(table.ring), len(sub_rays())
+    return Room(
+        np.empty(num_rings, np.int32),
+        np.empty(num_rings, np.float32),
+        np.empty(num_rings, np.float32),
+        np.empty(num_rings, np.bool_),
+        np.empty((len(bodies.radii_m), len(table.cos), 2), np.int32),
+        np.empty(_LANES, np.float32),
+        np.empty(_LANES, np.float32),
+        np.empty(_LANES, np.float32),
+        np.empty((3, _LANES), np.int32),
+        np.empty(num_cells, np.int64),
+        np.empty((num_cells, num_sub_rays), np.float32),
+        np.empty((num_cells, num_sub_rays), np.int32),
+        np.empty((num_cells, num_sub_rays), np.float32),
+    )
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def edge_columns(
+    bodies: Any,
+    body_of_face: NDArray[np.int32],
+    table: Any,
+    rays: Any,
+    frames: Float,
+    origins_m: Float,
+    limits_m: tuple[float, float],
+    face: NDArray[np.int32],
+    first_column: int,
+    column: Any,
+    found: Any,
+    room: Any,
+    num: int,
+) -> int:
+    """Adds the cells of these columns to the `num` that `room` holds, and says how many it holds then.
+
+    limits_m: near and far. face (C, R): what the beams' axes meet. first_column: number of the first of these columns.
+    """
+    reach = rays.start_m, rays.slope
+    for first in range(0, len(frames), _BLOCK):
+        last = min(first + _BLOCK, len(frames))
+        num_found = candidates_of(
+            bodies, table, frames[first:last], origins_m[first:last], reach, limits_m[1], column.walls, found
+        )
+        for c in range(first, last):
+            _begin(table, body_of_face, face, c, limits_m[1], room)
+            kept = 0
+            for k in range(num_found):
+                if _is_in_column(bodies, found[k], table, rays, frames, origins_m, c, limits_m, column, room, kept):
+                    found[k], found[kept] = found[kept], found[k]
+                    kept += 1
+            for k in range(kept):
+                _mark_in_front(bodies, found[k], k, table, rays, frames, c, limits_m, column, room)
+            num = _cast_column(bodies, table, rays, frames, c, limits_m, column, found, kept, room, first_column, num)
+    return num
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _begin(table: Any, body_of_face: Any, face: Any, c: int, far_m: float, room: Room) -> None:
+    for i in range(len(table.ring)):
+        hit = face[c, table.ring[i]]
+        room.body[i] = body_of_face[hit] if hit >= 0 else -1
+        room.floor[i] = np.float32(0) if hit >= 0 else np.float32(1 / far_m)
+        room.is_near_edge[i] = False
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _is_in_column(
+    bodies: Any,
+    b: int,
+    table: Any,
+    rays: Any,
+    frames: Float,
+    origins_m: Float,
+    c: int,
+    limits_m: Any,
+    column: Column,
+    room: Room,
+    k: int,
+) -> bool:
+    """Whether a column's sub-rays may meet a body; if so writes which as the k-th, and the floor where all do."""
+    if is_aside(bodies, b, frames, origins_m, c, table.widest_rad + rays.slope, rays.start_m):
+        return False
+    away_m = distance_to_planes(bodies, b, origins_m, c, column.distance_m) - rays.start_m
+    start, end = bodies.corner_start[b], bodies.corner_start[b + 1]
+    seen_from(bodies.corners_m, start, end, frames, origins_m, c, column.corners)
+    angle = rays.start_m / away_m + rays.widening if away_m > 0 else math.inf
+    edges = bodies.edge_start[b], bodies.edge_start[b + 1]
+    is_any = False
+    for g in range(len(table.cos)):
+        turn_to_group(column.corners, end - start, table.cos[g], table.sin[g], column.seen)
+        slab = rays.start_m, rays.slope + table.spread[g]
+        low, high, inner_low, inner_high = wedge(
+            column.seen, end - start, slab, bodies.edge_tails, bodies.edge_heads, edges[0], edges[1]
+        )
+        if low > high:
+            room.outer[k, g, 0] = room.outer[k, g, 1] = 0
+            continue
+        first, last = rings_between(table, g, -higher(-low, angle), higher(high, angle))
+        room.outer[k, g, 0], room.outer[k, g, 1] = first, last
+        is_any |= first < last
+        if inner_low < inner_high and away_m > limits_m[0]:
+            first, last = rings_between(table, g, higher(inner_low, angle), -higher(-inner_high, angle))
+            _raise_floor(bodies, b, table, rays, frames, c, column, room, first, last)
+    return is_any
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _normal_seen(bodies: Any, p: int, frames: Float, c: int) -> tuple[np.float32, np.float32, np.float32]:
+    x, y, z = bodies.normals[0, p], bodies.normals[1, p], bodies.normals[2, p]
+    return (
+        np.float32(frames[c, 0, 0] * x + frames[c, 0, 1] * y + frames[c, 0, 2] * z),
+        np.float32(frames[c, 1, 0] * x + frames[c, 1, 1] * y + frames[c, 1, 2] * z),
+        np.float32(frames[c, 2, 0] * x + frames[c, 2, 1] * y + frames[c, 2, 2] * z),
+    )
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+def _bound(
+    bodies: Any, b: int, table: Any, rays: Any, frames: Float, c: int, column: Column, room: Room, rings: Any, sign: int
+) -> None:
+    """Writes the largest (sign 1) or least (-1) 1 / range at which sub-rays of these rings may meet a body."""
+    for i in range(np.uint64(rings[0]), np.uint64(rings[1])):
+        room.bound[i] = np.float32(np.inf)
+    for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
+        nearest_m = column.distance_m[p] - sign * rays.start_m
+        if nearest_m <= 0 and (sign > 0 or column.distance_m[p] < -rays.start_m):
+            continue
+        x, y, z = _normal_seen(bodies, p, frames, c)
+        scale = np.float32(1 / max(nearest_m, 1e-6))
+        slack = np.float32(sign * (1.01 * rays.widening + 1e-6))
+        if sign < 0 and column.distance_m[p] <= rays.start_m:
+            scale = np.float32(0)
+        for i in range(np.uint64(rings[0]), np.uint64(rings[1])):
+            direction = x * table.direction[0, i] + y * table.direction[1, i] + z * table.direction[2, i]
+            inverse = scale * (slack - direction)
+            room.bound[i] = inverse if inverse < room.bound[i] else room.bound[i]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _raise_floor(
+    bodies: Any,
+    b: int,
+    table: Any,
+    rays: Any,
+    frames: Float,
+    c: int,
+    column: Column,
+    room: Room,
+    first: int,
+    last: int,
+) -> None:
+    """Where a body fills the beams whose axes meet it: their sub-rays meet nothing farther than that."""
+    is_met = False
+    for i in range(np.uint64(first), np.uint64(last)):
+        is_met |= room.body[i] == b
+    if is_met:
+        _bound(bodies, b, table, rays, frames, c, column, room, (first, last), -1)
+        for i in range(np.uint64(first), np.uint64(last)):
+            if room.body[i] == b:
+                room.floor[i] = room.bound[i]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _mark_in_front(
+    bodies: Any,
+    b: int,
+    k: int,
+    table: Any,
+    rays: Any,
+    frames: Float,
+    c: int,
+    limits_m: Any,
+    column: Column,
+    room: Room,
+) -> None:
+    """Marks beams whose sub-rays may meet this body before the one that their axes meet."""
+    for g in range(len(table.cos)):
+        first, last = room.outer[k, g, 0], room.outer[k, g, 1]
+        is_other = False
+        for i in range(np.uint64(first), np.uint64(last)):
+            is_other |= room.body[i] != b
+        if not is_other:
+            continue
+        _bound(bodies, b, table, rays, frames, c, column, room, (first, last), 1)
+        for i in range(np.uint64(first), np.uint64(last)):
+            room.is_near_edge[i] |= room.body[i] != b and room.bound[i] >= room.floor[i]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _cast_column(
+    bodies: Any,
+    table: Any,
+    rays: Any,
+    frames: Float,
+    c: int,
+    limits_m: Any,
+    column: Column,
+    found: Any,
+    kept: int,
+    room: Room,
+    first_column: int,
+    num: int,
+) -> int:
+    least = np.float32(1 / limits_m[1])
+    num_groups = len(table.cos)
+    for r in range(len(table.place)):
+        i = table.place[r]
+        if not room.is_near_edge[i] and (room.body[i] < 0 or room.floor[i] >= least):
+            continue
+        g = 0
+        while g + 1 < num_groups and i >= table.start[g + 1]:
+            g += 1
+        for n in range(_LANES):
+            room.cast_m[n], room.plane[0, n] = np.float32(limits_m[1]), -1
+        for k in range(kept):
+            if room.outer[k, g, 0] <= i < room.outer[k, g, 1]:
+                _cast(bodies, found[k], rays, i, frames, c, np.float32(limits_m[0]), column, room)
+        if _has_edge(bodies, room):
+            _keep(bodies, rays, i, frames, c, room, num)
+            room.cells[num] = (first_column + c) * len(table.place) + r
+            num += 1
+    return num
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+def _cast(
+    bodies: Any, b: int, rays: Any, i: int, frames: Float, c: int, near_m: Any, column: Column, room: Room
+) -> None:
+    """Casts the sub-rays of a beam against a body: they are in it from the last plane they enter to the first they leave."""
+    entry_m, exit_m, plane = room.entry_m, room.exit_m, room.plane
+    for n in range(_LANES):
+        entry_m[n], exit_m[n] = np.float32(-np.inf), np.float32(np.inf)
+    for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
+        x, y, z = _normal_seen(bodies, p, frames, c)
+        before_m = np.float32(column.distance_m[p])
+        for n in range(_LANES):
+            along = x * rays.direction[i, 0, n] + y * rays.direction[i, 1, n] + z * rays.direction[i, 2, n]
+            aside_m = x * rays.origin_m[i, 0, n] + y * rays.origin_m[i, 1, n] + z * rays.origin_m[i, 2, n]
+            range_m = -(before_m + aside_m) / along
+            is_entry = (along < 0) & (range_m > entry_m[n])
+            is_exit = (along >= 0) & (range_m < exit_m[n])
+            entry_m[n] = range_m if is_entry else entry_m[n]
+            exit_m[n] = range_m if is_exit else exit_m[n]
+            plane[1, n] = np.int32(p) if is_entry else plane[1, n]
+            plane[2, n] = np.int32(p) if is_exit else plane[2, n]
+    for n in range(_LANES):
+        is_before = entry_m[n] >= near_m
+        range_m = entry_m[n] if is_before else exit_m[n]
+        p = plane[1, n] if is_before else plane[2, n]
+        is_hit = (entry_m[n] <= exit_m[n]) & (range_m >= near_m) & (range_m < room.cast_m[n] - np.float32(_SAME_M))
+        room.cast_m[n] = range_m if is_hit else room.cast_m[n]
+        plane[0, n] = p if is_hit else plane[0, n]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _has_edge(bodies: Any, room: Room) -> bool:
+    """Whether not all sub-rays meet one surface."""
+    first = _surface(bodies, room.plane[0, 0])
+    for n in range(1, _LANES - 1):
+        if _surface(bodies, room.plane[0, n]) != first:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _surface(bodies: Any, p: int) -> int:
+    return bodies.surface_of_plane[p] if p >= 0 else np.int32(-1)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _keep(bodies: Any, rays: Any, i: int, frames: Float, c: int, room: Room, num: int) -> None:
+    for n in range(_LANES - 1):
+        p = room.plane[0, n]
+        room.range_m[num, n], room.face[num, n] = np.float32(np.inf), np.int32(-1)
+        room.cos_incidence[num, n] = np.float32(0)
+        if p >= 0:
+            x, y, z = _normal_seen(bodies, p, frames, c)
+            along = x * rays.direction[i, 0, n] + y * rays.direction[i, 1, n] + z * rays.direction[i, 2, n]
+            room.range_m[num, n], room.face[num, n] = room.cast_m[n], bodies.face[p]
+            room.cos_incidence[num, n] = min(abs(along), np.float32(1))
