@@ -35,7 +35,7 @@ _SAME_M = 1e-5
 class SubRays(NamedTuple):
     """The sub-rays of R beams in the order of a `RingTable`, seen along the encoder.
 
-    direction, origin_m (R, 3, _LANES). start_m, widening: half the width of the bundle at its start, and what is added
+    direction, origin_m (3, R, _LANES). start_m, widening: half the width of the bundle at its start, and what is added
     with each metre of range; slope: with each metre outward.
     """
 
@@ -51,7 +51,9 @@ class Room(NamedTuple):
 
     body, floor, bound, is_near_edge (R,): of each beam of a column the body its axis meets, the least 1 / range of its
     sub-rays on it, the largest on another body, and whether to cast them. outer (M, G, 2): rings that may meet a body.
-    cast_m, entry_m, exit_m, cosine (_LANES,), plane (3, _LANES). cells, range_m, face, cos_incidence: see `EdgeHits`.
+    before (R + 1,): how many beams before each are cast. The arrays from direction to plane hold their sub-rays side by
+    side: where they meet the plane at hand, between which planes they are in a body, what they met first. cells,
+    range_m, face, cos_incidence: see `EdgeHits`.
     """
 
     body: NDArray[np.int32]
@@ -59,9 +61,16 @@ class Room(NamedTuple):
     bound: Float32
     is_near_edge: NDArray[np.bool_]
     outer: NDArray[np.int32]
-    cast_m: Float32
+    before: NDArray[np.int32]
+    direction: Float32
+    origin_m: Float32
+    along: Float32
+    meets_m: Float32
     entry_m: Float32
     exit_m: Float32
+    entry_plane: NDArray[np.int32]
+    exit_plane: NDArray[np.int32]
+    cast_m: Float32
     plane: NDArray[np.int32]
     cells: NDArray[np.int64]
     range_m: Float32
@@ -83,8 +92,8 @@ def sub_ray_table(beams: Beams, table: RingTable, footprint: Footprint) -> SubRa
     radius = float(np.linalg.norm(where, axis=1).max()) * (1 + 1e-3)
     widening = radius * math.tan(footprint.divergence_rad / 2)
     return SubRays(
-        np.ascontiguousarray(direction.transpose(0, 2, 1), dtype=np.float32),
-        np.ascontiguousarray((footprint.exit_m / 2 * aside).transpose(0, 2, 1), dtype=np.float32),
+        np.ascontiguousarray(direction.transpose(2, 0, 1), dtype=np.float32),
+        np.ascontiguousarray((footprint.exit_m / 2 * aside).transpose(2, 0, 1), dtype=np.float32),
         radius * footprint.exit_m / 2,
         widening,
         widening / float(flat.min(initial=1.0)),
@@ -94,16 +103,20 @@ def sub_ray_table(beams: Beams, table: RingTable, footprint: Footprint) -> SubRa
 def room_for(bodies: Bodies, table: RingTable, num_cells: int) -> Room:
     """Room for scans of so many beams."""
     num_rings, num_sub_rays = len(table.ring), len(sub_rays())
+    num_lanes = num_rings * _LANES
     return Room(
         np.empty(num_rings, np.int32),
         np.empty(num_rings, np.float32),
         np.empty(num_rings, np.float32),
         np.empty(num_rings, np.bool_),
         np.empty((len(bodies.radii_m), len(table.cos), 2), np.int32),
-        np.empty(_LANES, np.float32),
-        np.empty(_LANES, np.float32),
-        np.empty(_LANES, np.float32),
-        np.empty((3, _LANES), np.int32),
+        np.empty(num_rings + 1, np.int32),
+        np.empty((3, num_lanes), np.float32),
+        np.empty((3, num_lanes), np.float32),
+        *(np.empty(num_lanes, np.float32) for _ in range(4)),
+        *(np.empty(num_lanes, np.int32) for _ in range(2)),
+        np.empty(num_lanes, np.float32),
+        np.empty(num_lanes, np.int32),
         np.empty(num_cells, np.int64),
         np.empty((num_cells, num_sub_rays), np.float32),
         np.empty((num_cells, num_sub_rays), np.int32),
@@ -297,63 +310,99 @@ def _cast_column(
     first_column: int,
     num: int,
 ) -> int:
-    least = np.float32(1 / limits_m[1])
-    num_groups = len(table.cos)
-    for r in range(len(table.place)):
+    """Casts the sub-rays of all beams of a column that are marked, and keeps the beams that have an edge."""
+    _gather(rays, np.float32(1 / limits_m[1]), np.float32(limits_m[1]), room)
+    for k in range(kept):
+        for g in range(len(table.cos)):
+            first, last = room.before[room.outer[k, g, 0]], room.before[room.outer[k, g, 1]]
+            if first < last:
+                _cast(bodies, found[k], frames, c, np.float32(limits_m[0]), column, room, first, last)
+    num_rings = len(table.place)
+    for r in range(num_rings):
         i = table.place[r]
-        if not room.is_near_edge[i] and (room.body[i] < 0 or room.floor[i] >= least):
-            continue
-        g = 0
-        while g + 1 < num_groups and i >= table.start[g + 1]:
-            g += 1
-        for n in range(_LANES):
-            room.cast_m[n], room.plane[0, n] = np.float32(limits_m[1]), -1
-        for k in range(kept):
-            if room.outer[k, g, 0] <= i < room.outer[k, g, 1]:
-                _cast(bodies, found[k], rays, i, frames, c, np.float32(limits_m[0]), column, room)
-        if _has_edge(bodies, room):
-            _keep(bodies, rays, i, frames, c, room, num)
-            room.cells[num] = (first_column + c) * len(table.place) + r
+        first = room.before[i] * _LANES
+        if room.before[i] < room.before[i + 1] and _has_edge(bodies, room, first):
+            room.cells[num] = (first_column + c) * num_rings + r
+            _keep(bodies, room, frames, c, first, num)
             num += 1
     return num
 
 
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _gather(rays: Any, least: Any, far_m: Any, room: Room) -> None:
+    """Lays the sub-rays of the beams to cast side by side, and counts those beams."""
+    num = 0
+    for i in range(len(room.body)):
+        room.before[i] = num
+        if room.is_near_edge[i] or (room.body[i] >= 0 and room.floor[i] < least):
+            for axis in range(3):
+                for n in range(_LANES):
+                    room.direction[axis, num * _LANES + n] = rays.direction[axis, i, n]
+                    room.origin_m[axis, num * _LANES + n] = rays.origin_m[axis, i, n]
+            num += 1
+    room.before[len(room.body)] = num
+    for n in range(num * _LANES):
+        room.cast_m[n] = far_m
+    for n in range(num * _LANES):
+        room.plane[n] = -1
+
+
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
 def _cast(
-    bodies: Any, b: int, rays: Any, i: int, frames: Float, c: int, near_m: Any, column: Column, room: Room
+    bodies: Any, b: int, frames: Float, c: int, near_m: Any, column: Column, room: Room, first: int, last: int
 ) -> None:
-    """Casts the sub-rays of a beam against a body: they are in it from the last plane they enter to the first they leave."""
-    entry_m, exit_m, plane = room.entry_m, room.exit_m, room.plane
-    for n in range(_LANES):
-        entry_m[n], exit_m[n] = np.float32(-np.inf), np.float32(np.inf)
+    """Casts the sub-rays of some beams against a body.
+
+    They are in it from the last plane at which they enter to the first at which they leave.
+    """
+    start, end = np.uint64(first * _LANES), np.uint64(last * _LANES)
+    for n in range(start, end):
+        room.entry_m[n] = np.float32(-np.inf)
+    for n in range(start, end):
+        room.exit_m[n] = np.float32(np.inf)
     for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
-        x, y, z = _normal_seen(bodies, p, frames, c)
-        before_m = np.float32(column.distance_m[p])
-        for n in range(_LANES):
-            along = x * rays.direction[i, 0, n] + y * rays.direction[i, 1, n] + z * rays.direction[i, 2, n]
-            aside_m = x * rays.origin_m[i, 0, n] + y * rays.origin_m[i, 1, n] + z * rays.origin_m[i, 2, n]
-            range_m = -(before_m + aside_m) / along
-            is_entry = (along < 0) & (range_m > entry_m[n])
-            is_exit = (along >= 0) & (range_m < exit_m[n])
-            entry_m[n] = range_m if is_entry else entry_m[n]
-            exit_m[n] = range_m if is_exit else exit_m[n]
-            plane[1, n] = np.int32(p) if is_entry else plane[1, n]
-            plane[2, n] = np.int32(p) if is_exit else plane[2, n]
-    for n in range(_LANES):
-        is_before = entry_m[n] >= near_m
-        range_m = entry_m[n] if is_before else exit_m[n]
-        p = plane[1, n] if is_before else plane[2, n]
-        is_hit = (entry_m[n] <= exit_m[n]) & (range_m >= near_m) & (range_m < room.cast_m[n] - np.float32(_SAME_M))
-        room.cast_m[n] = range_m if is_hit else room.cast_m[n]
-        plane[0, n] = p if is_hit else plane[0, n]
+        _meet_plane(_normal_seen(bodies, p, frames, c), np.float32(column.distance_m[p]), room, start, end)
+        _narrow(np.int32(p), room, start, end)
+    for n in range(start, end):
+        is_before = room.entry_m[n] >= near_m
+        range_m = room.entry_m[n] if is_before else room.exit_m[n]
+        is_hit = (room.entry_m[n] <= room.exit_m[n]) & (range_m >= near_m)
+        if is_hit & (range_m < room.cast_m[n] - np.float32(_SAME_M)):
+            room.cast_m[n] = range_m
+            room.plane[n] = room.entry_plane[n] if is_before else room.exit_plane[n]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+def _meet_plane(normal: Any, before_m: Any, room: Room, start: Any, end: Any) -> None:
+    """Writes where sub-rays meet a plane, and how fast they go along its normal."""
+    x, y, z = normal
+    along, range_m, direction, origin_m = room.along, room.meets_m, room.direction, room.origin_m
+    for n in range(start, end):
+        along[n] = x * direction[0, n] + y * direction[1, n] + z * direction[2, n]
+    for n in range(start, end):
+        range_m[n] = -(before_m + x * origin_m[0, n] + y * origin_m[1, n] + z * origin_m[2, n]) / along[n]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+def _narrow(p: Any, room: Room, start: Any, end: Any) -> None:
+    along, range_m = room.along, room.meets_m
+    entry_m, exit_m, entry_plane, exit_plane = room.entry_m, room.exit_m, room.entry_plane, room.exit_plane
+    for n in range(start, end):
+        is_later = (along[n] < 0) & (range_m[n] > entry_m[n])
+        entry_m[n] = range_m[n] if is_later else entry_m[n]
+        entry_plane[n] = p if is_later else entry_plane[n]
+    for n in range(start, end):
+        is_sooner = (along[n] >= 0) & (range_m[n] < exit_m[n])
+        exit_m[n] = range_m[n] if is_sooner else exit_m[n]
+        exit_plane[n] = p if is_sooner else exit_plane[n]
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def _has_edge(bodies: Any, room: Room) -> bool:
-    """Whether not all sub-rays meet one surface."""
-    first = _surface(bodies, room.plane[0, 0])
+def _has_edge(bodies: Any, room: Room, first: int) -> bool:
+    """Whether not all sub-rays of a beam meet one surface."""
+    surface = _surface(bodies, room.plane[first])
     for n in range(1, _LANES - 1):
-        if _surface(bodies, room.plane[0, n]) != first:
+        if _surface(bodies, room.plane[first + n]) != surface:
             return True
     return False
 
@@ -364,13 +413,14 @@ def _surface(bodies: Any, p: int) -> int:
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def _keep(bodies: Any, rays: Any, i: int, frames: Float, c: int, room: Room, num: int) -> None:
+def _keep(bodies: Any, room: Room, frames: Float, c: int, first: int, num: int) -> None:
     for n in range(_LANES - 1):
-        p = room.plane[0, n]
+        k = first + n
+        p = room.plane[k]
         room.range_m[num, n], room.face[num, n] = np.float32(np.inf), np.int32(-1)
         room.cos_incidence[num, n] = np.float32(0)
         if p >= 0:
             x, y, z = _normal_seen(bodies, p, frames, c)
-            along = x * rays.direction[i, 0, n] + y * rays.direction[i, 1, n] + z * rays.direction[i, 2, n]
-            room.range_m[num, n], room.face[num, n] = room.cast_m[n], bodies.face[p]
+            along = x * room.direction[0, k] + y * room.direction[1, k] + z * room.direction[2, k]
+            room.range_m[num, n], room.face[num, n] = room.cast_m[k], bodies.face[p]
             room.cos_incidence[num, n] = min(abs(along), np.float32(1))
