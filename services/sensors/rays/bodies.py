@@ -22,12 +22,12 @@ _SIDE_MARGIN_M = 1e-6
 class Bodies(NamedTuple):
     """M convex bodies of P planes, V corners, E edges; also what the kernels take, then with world coordinates.
 
-    corners_m (V, 3), those of body b from corner_start[b] to corner_start[b + 1]; planes and edges likewise.
-    normals (P, 3) point outward, offsets_m (P,): n @ p = offset on the plane. face (P,): its number in the scene. The
+    corners_m (3, V), those of body b from corner_start[b] to corner_start[b + 1]; planes and edges likewise.
+    normals (3, P) point outward, offsets_m (P,): n @ p = offset on the plane. face (P,): its number in the scene. The
     outline of plane p is the edges outline_tails[i] -> outline_heads[i], i from outline_start[p] to
     outline_start[p + 1], corners counted from the body's first; a plane that is never met itself has none.
-    centres_m (M, 3), half_axes_m (M, 3, 3), radii_m (M,): a box around each body, its half axes as rows, and a ball.
-    link, surface (M,): what it is fixed to, and the `surfaces_of` its faces.
+    centres_m (3, M), half_axes_m (M, 3, 3), radii_m (M,): a box around each body, its half axes as columns, and a ball.
+    link (M,): what it is fixed to. surface_of_plane (P,): the `surfaces_of` its face.
     """
 
     corners_m: Float
@@ -46,7 +46,7 @@ class Bodies(NamedTuple):
     half_axes_m: Float
     radii_m: Float
     link: Ints
-    surface: Ints
+    surface_of_plane: Ints
 
 
 def surfaces_of(scene: Scene) -> Ints:
@@ -63,23 +63,23 @@ def bodies_of(scene: Scene) -> Bodies:
     pairs = np.sort(np.column_stack([planes.tails, planes.heads]), axis=1)
     edges = np.unique(np.column_stack([np.repeat(planes.body, planes.sizes), pairs]), axis=0)
     return Bodies(
-        corners_m=faces.corners_m,
+        corners_m=np.ascontiguousarray(faces.corners_m.T),
         corner_start=_starts(faces.body_of_corner, faces.num_bodies),
-        normals=planes.normals,
+        normals=np.ascontiguousarray(planes.normals.T),
         offsets_m=planes.offsets_m,
         face=planes.face.astype(np.int32),
         plane_start=_starts(planes.body, faces.num_bodies),
-        outline_tails=planes.tails.astype(np.int32),
-        outline_heads=planes.heads.astype(np.int32),
+        outline_tails=planes.tails.astype(np.uint32),
+        outline_heads=planes.heads.astype(np.uint32),
         outline_start=_ends(planes.sizes),
-        edge_tails=np.ascontiguousarray(edges[:, 1], dtype=np.int32),
-        edge_heads=np.ascontiguousarray(edges[:, 2], dtype=np.int32),
+        edge_tails=np.ascontiguousarray(edges[:, 1], dtype=np.uint32),
+        edge_heads=np.ascontiguousarray(edges[:, 2], dtype=np.uint32),
         edge_start=_starts(edges[:, 0], faces.num_bodies),
-        centres_m=centres_m,
-        half_axes_m=half_axes_m,
+        centres_m=np.ascontiguousarray(centres_m.T),
+        half_axes_m=np.ascontiguousarray(half_axes_m.transpose(0, 2, 1)),
         radii_m=radii_m,
         link=faces.link,
-        surface=faces.surface,
+        surface_of_plane=surfaces_of(scene)[planes.face],
     )
 
 
@@ -107,7 +107,6 @@ class _Faces:
     backs: _Planes
     sides: _Planes
     link: Ints
-    surface: Ints
 
 
 def _faces_of(scene: Scene) -> _Faces:
@@ -158,7 +157,6 @@ def _faces_of(scene: Scene) -> _Faces:
         backs=backs,
         sides=sides,
         link=scene.shape_link[shape[first_face]].astype(np.int32),
-        surface=surfaces_of(scene)[is_face][first_face],
     )
 
 
@@ -173,7 +171,9 @@ def _normals(scene: Scene) -> tuple[Float, NDArray[np.bool_]]:
     return twice_area / np.maximum(length, 1e-300)[:, np.newaxis], length > _MIN_AREA_M2
 
 
-def _without_repeats(vertices_m: Float, body: NDArray[np.int64]) -> tuple[Float, NDArray[np.int64], NDArray[np.int64]]:
+def _without_repeats(
+    vertices_m: Float, body: NDArray[np.int64]
+) -> tuple[Float, NDArray[np.int64], NDArray[np.int64]]:
     """The corners, the body of each, and for every vertex which of its body's corners it is."""
     rows = np.column_stack([body, np.round(vertices_m * 1e9).astype(np.int64)])
     order = np.lexsort(rows.T[::-1])

@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 Float = NDArray[np.float64]
 
 
-@njit(cache=True)
-def half_extent_m(half_axes_m: Float, x: float, y: float, z: float) -> float:
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def half_extent_m(half_axes_m: Float, b: int, x: float, y: float, z: float) -> float:
     """How far a box reaches from its centre along a vector."""
     reach = 0.0
     for i in range(3):
-        reach += abs(half_axes_m[i, 0] * x + half_axes_m[i, 1] * y + half_axes_m[i, 2] * z)
+        reach += abs(half_axes_m[b, 0, i] * x + half_axes_m[b, 1, i] * y + half_axes_m[b, 2, i] * z)
     return reach
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False)
 def candidates_of(
-    bodies: Any, table: Any, frames: Float, origins_m: Float, reach: tuple[float, float], far_m: float, found: Any
+    bodies: Any, table: Any, frames: Float, origins_m: Float, reach: tuple[float, float], far_m: float, walls: Any, found: Any
 ) -> int:
     """Writes into `found` the bodies that the columns of these frames may meet, and says how many.
 
@@ -31,48 +31,53 @@ def candidates_of(
     its start, and how much it widens with each metre.
     """
     middle = len(frames) // 2
-    out, left, up = frames[middle]
+    out, left, up = frames[middle, 0], frames[middle, 1], frames[middle, 2]
     turn, shift_m = _turn_and_shift(frames, origins_m, middle)
     turn += table.widest_rad + reach[1]
-    walls = np.empty((3, 3))
-    walls[0] = -out
-    walls[1] = math.cos(table.top_rad) * up - math.sin(table.top_rad) * out
-    walls[2] = math.sin(table.bottom_rad) * out - math.cos(table.bottom_rad) * up
+    for i in range(3):
+        walls[0, i] = -out[i]
+        walls[1, i] = math.cos(table.top_rad) * up[i] - math.sin(table.top_rad) * out[i]
+        walls[2, i] = math.sin(table.bottom_rad) * out[i] - math.cos(table.bottom_rad) * up[i]
     num = 0
     for b in range(len(bodies.radii_m)):
-        x = bodies.centres_m[b, 0] - origins_m[middle, 0]
-        y = bodies.centres_m[b, 1] - origins_m[middle, 1]
-        z = bodies.centres_m[b, 2] - origins_m[middle, 2]
+        x = bodies.centres_m[0, b] - origins_m[middle, 0]
+        y = bodies.centres_m[1, b] - origins_m[middle, 1]
+        z = bodies.centres_m[2, b] - origins_m[middle, 2]
         radius_m = bodies.radii_m[b]
         end_m = math.sqrt(x * x + y * y + z * z) + radius_m
         slack_m = turn * end_m + shift_m + reach[0]
         aside_m = abs(left[0] * x + left[1] * y + left[2] * z) - slack_m
         if aside_m > radius_m or end_m - 2 * radius_m > far_m + shift_m + reach[0]:
             continue
-        if aside_m > half_extent_m(bodies.half_axes_m[b], left[0], left[1], left[2]):
+        if aside_m > half_extent_m(bodies.half_axes_m, b, left[0], left[1], left[2]):
             continue
-        if not _is_beyond(walls, bodies.half_axes_m[b], x, y, z, slack_m + turn * end_m):
+        if not _is_beyond(walls, bodies.half_axes_m, b, x, y, z, slack_m + turn * end_m):
             found[num] = b
             num += 1
     return num
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _turn_and_shift(frames: Float, origins_m: Float, middle: int) -> tuple[float, float]:
     """By how much any axis of any frame differs from the middle one's, and any origin."""
     turn, shift_m = 0.0, 0.0
     for c in range(len(frames)):
         for i in range(3):
-            turn = max(turn, np.sum((frames[c, i] - frames[middle, i]) ** 2))
-        shift_m = max(shift_m, np.sum((origins_m[c] - origins_m[middle]) ** 2))
+            turn = max(turn, _square(frames[c, i], frames[middle, i]))
+        shift_m = max(shift_m, _square(origins_m[c], origins_m[middle]))
     return math.sqrt(turn), math.sqrt(shift_m)
 
 
-@njit(cache=True)
-def _is_beyond(walls: Float, half_axes_m: Float, x: float, y: float, z: float, slack_m: float) -> bool:
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _is_beyond(walls: Float, half_axes_m: Float, b: int, x: float, y: float, z: float, slack_m: float) -> bool:
     """Whether the box lies wholly on the outer side of a plane through the origin."""
     for i in range(3):
         nearest_m = walls[i, 0] * x + walls[i, 1] * y + walls[i, 2] * z - slack_m
-        if nearest_m > 0 and nearest_m > half_extent_m(half_axes_m, walls[i, 0], walls[i, 1], walls[i, 2]):
+        if nearest_m > 0 and nearest_m > half_extent_m(half_axes_m, b, walls[i, 0], walls[i, 1], walls[i, 2]):
             return True
     return False
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _square(a: Float, b: Float) -> float:
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from services.sensors.depth.pinhole import Pinhole
 from services.sensors.lidar.beams import Beams
 from services.sensors.lidar.footprint import Footprint, sub_rays
+from services.sensors.rays.bodies import surfaces_of
 from services.sensors.rays.interface import NO_FACE, EdgeHits, Hits, Poses
 from services.sensors.scene import Scene
 
@@ -30,6 +31,7 @@ class EmbreeBackend:
         self._triangles = np.empty((0, 3), dtype=np.uint32)
         self._face_of_triangle = np.empty(0, dtype=np.int32)
         self._link_of_vertex = np.empty(0, dtype=np.int32)
+        self._surface_of_face = np.empty(0, dtype=np.int32)
 
     def set_scene(self, scene: Scene) -> None:
         """Takes what the rays can meet."""
@@ -41,6 +43,7 @@ class EmbreeBackend:
         self._triangles = np.concatenate([*fan, np.empty((0, 3))]).astype(np.uint32)
         self._face_of_triangle = np.repeat(np.arange(scene.num_faces), np.maximum(sizes - 2, 0)).astype(np.int32)
         self._link_of_vertex = np.repeat(scene.shape_link[scene.shape], sizes)
+        self._surface_of_face = surfaces_of(scene)
         self._scene = scene
 
     def scan(self, beams: Beams, poses: Poses, near_m: float, far_m: float) -> Hits:
@@ -62,7 +65,8 @@ class EmbreeBackend:
             widened /= np.linalg.norm(widened, axis=-1, keepdims=True)
             met.append(self._scan(origins + footprint.exit_m / 2 * aside, widened, poses, near_m, far_m))
         faces = np.stack([hits.face.reshape(-1) for hits in met], axis=1)
-        cells = np.flatnonzero((faces != faces[:, :1]).any(axis=1))
+        surfaces = np.append(self._surface_of_face, NO_FACE)[faces]
+        cells = np.flatnonzero((surfaces != surfaces[:, :1]).any(axis=1))
         return EdgeHits(
             cells=cells,
             range_m=np.stack([hits.range_m.reshape(-1)[cells] for hits in met], axis=1),

@@ -47,7 +47,10 @@ class Poses:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeHits:
-    """What the sub-rays (see `lidar.footprint`) of those beams met that do not all meet the face the beam itself meets.
+    """What the sub-rays (see `lidar.footprint`) of those beams met that do not all meet one surface.
+
+    A convex shape is one surface: where two of its faces join, ranges do not jump. Of other shapes all faces in a plane
+    are one.
 
     cells (E,): index into the flattened (C, R) of `Hits`, increasing. range_m, face, cos_incidence (E, K): of each
     sub-ray, as in `Hits`; the distance is along the sub-ray, from the plane across the beam's origin.

@@ -12,11 +12,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from services.sensors.lidar.beams import Beams
-from services.sensors.lidar.footprint import Footprint
+from services.sensors.lidar.footprint import Footprint, sub_rays
 from services.sensors.rays.bodies import Bodies, bodies_of
 from services.sensors.rays.interface import EdgeHits, Hits, Poses
-from services.sensors.rays.lidar_moving import scan_columns
-from services.sensors.rays.lidar_still import scan_still
+from services.sensors.rays.lidar_edges import Room, SubRays, edge_columns, room_for, sub_ray_table
+from services.sensors.rays.lidar_moving import scan_columns, column_for
+from services.sensors.rays.lidar_still import scan_still, grid_for
 from services.sensors.rays.ring_table import RingTable, ring_table
 from services.sensors.scene import Scene
 
@@ -30,10 +31,19 @@ class LidarConversion:
         self._placed = _Placed()
         self._beams: Beams | None = None
         self._table: RingTable
+        self._body_of_face = np.empty(0, dtype=np.int32)
+        self._footprint = Footprint(0.0, 0.0)
+        self._sub_rays: SubRays | None = None
+        self._room: Room | None = None
+        self._last: Hits | None = None
 
     def set_scene(self, scene: Scene) -> None:
         """Takes what the rays can meet."""
-        self._placed.set_bodies(bodies_of(scene))
+        bodies = bodies_of(scene)
+        self._placed.set_bodies(bodies)
+        self._body_of_face = np.zeros(scene.num_faces, dtype=np.int32)
+        self._body_of_face[bodies.face] = np.repeat(np.arange(len(bodies.link)), np.diff(bodies.plane_start))
+        self._last = self._room = None
 
     def scan(self, beams: Beams, poses: Poses, near_m: float, far_m: float) -> Hits:
         """The first hits between `near_m` and `far_m` along each beam.
@@ -43,26 +53,69 @@ class LidarConversion:
         """
         table = self._table_of(beams)
         hits = _no_hits(beams.num_columns, len(table.ring))
+        self._last = hits
         arrays = hits.range_m, hits.face, hits.cos_incidence
         if _is_even(beams, poses, table):
             bodies = self._placed.at(poses, 0)
             frame, origin_m = _axes(beams, poses)
-            scan_still(bodies, table, frame, origin_m, near_m, far_m, float(beams.azimuth_rad[0]), arrays)
+            scan_still(bodies, table, frame, origin_m, near_m, far_m, float(beams.azimuth_rad[0]), arrays, grid_for(bodies, table, arrays, float(beams.azimuth_rad[0])), np.empty(len(bodies.face)), np.empty(len(bodies.face)+1,np.int32), np.empty(len(bodies.face)+1,np.float32))
             return hits
         frames, origins_m = column_frames(beams, poses)
+        column, found = column_for(self._placed.own, len(table.ring)), np.empty(len(self._placed.own.radii_m), np.int32)
         for block, columns in _blocks(beams, poses):
             bodies = self._placed.at(poses, block)
             part = tuple(array[columns] for array in arrays)
-            scan_columns(bodies, table, frames[columns], origins_m[columns], near_m, far_m, part)
+            scan_columns(bodies, table, frames[columns], origins_m[columns], near_m, far_m, part, column, found)
         return hits
 
     def edges(self, beams: Beams, poses: Poses, near_m: float, far_m: float, footprint: Footprint) -> EdgeHits:
         """What the sub-rays meet of the beams near an edge."""
-        raise NotImplementedError
+        table = self._table_of(beams)
+        if footprint.exit_m == 0 and footprint.divergence_rad == 0:
+            return _no_edges()
+        if self._last is None or self._last.face.shape != (beams.num_columns, len(table.ring)):
+            self.scan(beams, poses, near_m, far_m)
+        assert self._last is not None
+        rays = self._sub_rays_of(beams, footprint)
+        bodies, num = self._placed.own, 0
+        room = self._room_for(table, self._last.face.size)
+        column, found = column_for(bodies, len(table.ring)), np.empty(len(bodies.radii_m), np.int32)
+        frames, origins_m = column_frames(beams, poses)
+        for block, columns in _blocks(beams, poses):
+            bodies = self._placed.at(poses, block)
+            num = edge_columns(
+                bodies,
+                self._body_of_face,
+                table,
+                rays,
+                frames[columns],
+                origins_m[columns],
+                (near_m, far_m),
+                self._last.face[columns],
+                columns.start,
+                column,
+                found,
+                room,
+                num,
+            )
+        return EdgeHits(
+            room.cells[:num].copy(), room.range_m[:num].copy(), room.face[:num].copy(), room.cos_incidence[:num].copy()
+        )
+
+    def _room_for(self, table: RingTable, num_cells: int) -> Room:
+        if self._room is None or len(self._room.cells) != num_cells:
+            self._room = room_for(self._placed.own, table, num_cells)
+        return self._room
+
+    def _sub_rays_of(self, beams: Beams, footprint: Footprint) -> SubRays:
+        if self._sub_rays is None or footprint != self._footprint:
+            self._sub_rays, self._footprint = sub_ray_table(beams, self._table, footprint), footprint
+        return self._sub_rays
 
     def _table_of(self, beams: Beams) -> RingTable:
         if beams is not self._beams:
             self._table, self._beams = ring_table(beams), beams
+            self._sub_rays = self._room = None
         return self._table
 
 
@@ -86,42 +139,52 @@ class _Placed:
         self._rotation = np.full((num_links, 3, 3), np.nan)
         self._translation_m = np.full((num_links, 3), np.nan)
 
-    def at(self, poses: Poses, block: int) -> Bodies:
+    @property
+    def own(self) -> Bodies:
+        """The bodies in their links' frames."""
         if self._own is None:
             raise ValueError("set_scene comes first")
+        return self._own
+
+    def at(self, poses: Poses, block: int) -> Bodies:
         num_links = len(self._rotation)
         rotation = poses.link_rotation[block][:num_links]
         translation_m = poses.link_translation_m[block][:num_links]
         has_moved = (rotation != self._rotation).any(axis=(1, 2)) | (translation_m != self._translation_m).any(axis=1)
         if has_moved.any():
-            _place(self._own, self._world, has_moved, rotation, translation_m)
+            _place(self.own, self._world, has_moved, rotation, translation_m)
             self._rotation, self._translation_m = rotation.copy(), translation_m.copy()
         return self._world
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False)
 def _place(own: Bodies, world: Bodies, has_moved: NDArray[np.bool_], rotation: Float, translation_m: Float) -> None:
     for b in range(len(own.link)):
-        if not has_moved[own.link[b]]:
+        link = own.link[b]
+        if not has_moved[link]:
             continue
-        R, t = rotation[own.link[b]], translation_m[own.link[b]]
-        for i in range(own.corner_start[b], own.corner_start[b + 1]):
-            _turn(R, own.corners_m[i], world.corners_m[i])
-            world.corners_m[i] += t
-        for p in range(own.plane_start[b], own.plane_start[b + 1]):
-            n = world.normals[p]
-            _turn(R, own.normals[p], n)
-            world.offsets_m[p] = own.offsets_m[p] + n[0] * t[0] + n[1] * t[1] + n[2] * t[2]
-        for axis in range(3):
-            _turn(R, own.half_axes_m[b, axis], world.half_axes_m[b, axis])
-        _turn(R, own.centres_m[b], world.centres_m[b])
-        world.centres_m[b] += t
+        planes = own.plane_start[b], own.plane_start[b + 1]
+        corners = own.corner_start[b], own.corner_start[b + 1]
+        _move(rotation, translation_m, link, 1.0, own.corners_m, corners, world.corners_m)
+        _move(rotation, translation_m, link, 1.0, own.centres_m, (b, b + 1), world.centres_m)
+        _move(rotation, translation_m, link, 0.0, own.normals, planes, world.normals)
+        _move(rotation, translation_m, link, 0.0, own.half_axes_m[b], (0, 3), world.half_axes_m[b])
+        for p in range(planes[0], planes[1]):
+            along_m = 0.0
+            for i in range(3):
+                along_m += world.normals[i, p] * translation_m[link, i]
+            world.offsets_m[p] = own.offsets_m[p] + along_m
 
 
-@njit(cache=True)
-def _turn(R: Float, vector: Float, out: Float) -> None:
-    for i in range(3):
-        out[i] = R[i, 0] * vector[0] + R[i, 1] * vector[1] + R[i, 2] * vector[2]
+@njit(cache=True, error_model="numpy", _nrt=False)
+def _move(
+    rotation: Float, translation_m: Float, link: int, share: float, columns: Float, which: tuple[int, int], out: Float
+) -> None:
+    """Writes columns[:, which[0]:which[1]] turned as the link is, and shifted by a share of its translation."""
+    for k in range(3):
+        x, y, z, shift_m = rotation[link, k, 0], rotation[link, k, 1], rotation[link, k, 2], translation_m[link, k]
+        for i in range(np.uint64(which[0]), np.uint64(which[1])):
+            out[k, i] = x * columns[0, i] + y * columns[1, i] + z * columns[2, i] + share * shift_m
 
 
 def column_frames(beams: Beams, poses: Poses) -> tuple[Float, Float]:
@@ -161,3 +224,8 @@ def _blocks(beams: Beams, poses: Poses) -> list[tuple[int, slice]]:
 def _no_hits(num_columns: int, num_rings: int) -> Hits:
     shape = num_columns, num_rings
     return Hits(np.empty(shape, np.float32), np.empty(shape, np.int32), np.empty(shape, np.float32))
+
+
+def _no_edges() -> EdgeHits:
+    shape = 0, len(sub_rays())
+    return EdgeHits(np.empty(0, np.int64), np.empty(shape, np.float32), np.empty(shape, np.int32), np.empty(shape, np.float32))

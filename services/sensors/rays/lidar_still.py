@@ -49,35 +49,33 @@ class _Grid(NamedTuple):
     high: Float
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False)
 def scan_still(
-    bodies: Any, table: Any, frame: Float, origin_m: Float, near_m: float, far_m: float, first_rad: float, hits: Any
+    bodies: Any, table: Any, frame: Float, origin_m: Float, near_m: float, far_m: float, first_rad: float, hits: Any, grid: Any, distance_m: Any, face: Any, height_m: Any
 ) -> None:
     """Writes range_m, face, cos_incidence (C, R), the arrays of `hits`; table: of one group without spread.
 
     frame (3, 3): the axes in which the beams turn, as rows. first_rad: azimuth of column 0; they go clockwise.
     """
-    distance_m = np.empty(len(bodies.face))
-    grid = _grid(bodies, table, hits, first_rad)
+    frames, origins_m = frame.reshape(1, 3, 3), origin_m.reshape(1, 3)
     grid.nearest[:] = 1 / far_m
     grid.plane[:] = -1
     for b in range(len(bodies.radii_m)):
         if _is_out_of_view(bodies, b, table, frame, origin_m, far_m):
             continue
-        is_outside = distance_to_planes(bodies, b, origin_m, distance_m) > near_m
+        is_outside = distance_to_planes(bodies, b, origins_m, 0, distance_m) > near_m
         start, end = bodies.corner_start[b], bodies.corner_start[b + 1]
-        seen_from(bodies.corners_m[start:end], frame, origin_m, grid.corners)
+        seen_from(bodies.corners_m, start, end, frames, origins_m, 0, grid.corners)
         for i in range(end - start):
             azimuth = math.atan2(grid.corners[1, i], grid.corners[0, i])
             grid.column[i] = (first_rad - azimuth) * len(grid.low) / (2 * math.pi)
         for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
             if abs(distance_m[p]) >= _MIN_DISTANCE_M and not (is_outside and distance_m[p] < 0):
                 _draw_face(bodies, b, p, table, frame, distance_m[p], near_m, grid)
-    _finish(bodies, distance_m, grid.nearest.reshape(-1), grid.plane.reshape(-1), hits[2].reshape(-1))
+    _finish(bodies, distance_m, grid.nearest.reshape(-1), grid.plane.reshape(-1), hits[2].reshape(-1), face, height_m)
 
 
-@njit(cache=True)
-def _grid(bodies: Any, table: Any, hits: Any, first_rad: float) -> _Grid:
+def grid_for(bodies: Any, table: Any, hits: Any, first_rad: float) -> _Grid:
     num_columns = len(hits[0])
     num_corners = np.max(np.diff(bodies.corner_start)) if len(bodies.radii_m) else 0
     num_edges = np.max(np.diff(bodies.outline_start)) if len(bodies.face) else 0
@@ -98,11 +96,11 @@ def _grid(bodies: Any, table: Any, hits: Any, first_rad: float) -> _Grid:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _is_out_of_view(bodies: Any, b: int, table: Any, frame: Float, origin_m: Float, far_m: float) -> bool:
     """Whether a body's ball lies beyond the range, or wholly above or below the beams."""
-    x, y = bodies.centres_m[b, 0] - origin_m[0], bodies.centres_m[b, 1] - origin_m[1]
-    z = bodies.centres_m[b, 2] - origin_m[2]
+    x, y = bodies.centres_m[0, b] - origin_m[0], bodies.centres_m[1, b] - origin_m[1]
+    z = bodies.centres_m[2, b] - origin_m[2]
     square_m2, radius_m = x * x + y * y + z * z, bodies.radii_m[b]
     if math.sqrt(square_m2) - radius_m > far_m:
         return True
@@ -113,7 +111,7 @@ def _is_out_of_view(bodies: Any, b: int, table: Any, frame: Float, origin_m: Flo
     return max(above_m, below_m) > radius_m
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _draw_face(
     bodies: Any, b: int, p: int, table: Any, frame: Float, distance_m: float, near_m: float, grid: _Grid
 ) -> None:
@@ -128,7 +126,7 @@ def _draw_face(
         first, num = math.ceil(least), math.ceil(most) - math.ceil(least)
         first -= first // len(grid.low) * len(grid.low)
         _cut_edges(bodies, outline[0], outline[1], first - math.ceil(least), math.ceil(least), num, grid)
-    q_x, q_y, q_z = _inverse_ranges(frame, bodies.normals[p], distance_m)
+    q_x, q_y, q_z = _inverse_ranges(frame, bodies.normals[:, p], distance_m)
     largest = np.float32(1 / near_m) if near_m > 0 else np.float32(np.inf)
     for k in range(num):
         low, high = rings_between(table, 0, grid.low[k], grid.high[k])
@@ -139,10 +137,10 @@ def _draw_face(
             _fill(grid.nearest[c], grid.plane[c], grid.flat, grid.rise, a, np.float32(q_z), largest, p, low, high)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _inverse_ranges(frame: Float, normal: Float, distance_m: float) -> tuple[float, float, float]:
     """q with 1 / range = q @ direction, in the frame's axes."""
-    n_x, n_y, n_z = normal
+    n_x, n_y, n_z = normal[0], normal[1], normal[2]
     scale = -1 / distance_m
     return (
         scale * (frame[0, 0] * n_x + frame[0, 1] * n_y + frame[0, 2] * n_z),
@@ -151,7 +149,7 @@ def _inverse_ranges(frame: Float, normal: Float, distance_m: float) -> tuple[flo
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _unwind(tails: Any, first: int, last: int, grid: _Grid) -> tuple[float, float, bool]:
     """Writes where the corners of an outline are seen, in columns without jumps; least, most, and whether it is wide."""
     num_columns = len(grid.low)
@@ -168,18 +166,16 @@ def _unwind(tails: Any, first: int, last: int, grid: _Grid) -> tuple[float, floa
     return least, most, is_around_axis or most - least > _WIDE * num_columns
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _cut_columns(bodies: Any, b: int, first: int, last: int, grid: _Grid) -> None:
     num = bodies.corner_start[b + 1] - bodies.corner_start[b]
     seen = grid.seen
     for c in range(len(grid.low)):
         turn_to_group(grid.corners, num, grid.cos[c], grid.sin[c], seen)
-        grid.low[c], grid.high[c] = cut(
-            seen[0], seen[1], seen[2], bodies.outline_tails, bodies.outline_heads, first, last
-        )
+        grid.low[c], grid.high[c], _, _ = cut(seen, 1, bodies.outline_tails, bodies.outline_heads, first, last)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _cut_edges(bodies: Any, first: int, last: int, shift: int, first_column: int, num: int, grid: _Grid) -> None:
     """Writes low and high of `num` columns; `shift` leads from unwound columns to those of cos and sin."""
     grid.low[:num] = np.inf
@@ -199,7 +195,7 @@ def _cut_edges(bodies: Any, first: int, last: int, shift: int, first_column: int
             grid.low[k], grid.high[k] = min(grid.low[k], tangent), max(grid.high[k], tangent)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _bound(low: Float, high: Float, cos: Float, sin: Float, t_x: float, t_y: float) -> None:
     for c in range(len(low)):
         tangent = t_x * cos[c] + t_y * sin[c]
@@ -207,24 +203,25 @@ def _bound(low: Float, high: Float, cos: Float, sin: Float, t_x: float, t_y: flo
         high[c] = tangent if tangent > high[c] else high[c]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
 def _fill(
     nearest: Any, plane: Any, flat: Any, rise: Any, a: Any, b: Any, largest: Any, p: int, first: int, last: int
 ) -> None:
-    for r in range(first, last):
+    for r in range(np.uint64(first), np.uint64(last)):
         inverse = a * flat[r] + b * rise[r]
         is_nearer = (inverse > nearest[r]) & (inverse <= largest)
         nearest[r] = inverse if is_nearer else nearest[r]
         plane[r] = np.int32(p) if is_nearer else plane[r]
 
 
-@njit(cache=True)
-def _finish(bodies: Any, distance_m: Float, nearest: Any, plane: Any, cos_incidence: Any) -> None:
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+def _finish(bodies: Any, distance_m: Float, nearest: Any, plane: Any, cos_incidence: Any, face: Any, height_m: Any) -> None:
     """Turns inverses into ranges, and planes into faces."""
-    face = np.full(len(distance_m) + 1, -1, np.int32)
-    height_m = np.zeros(len(distance_m) + 1, np.float32)
-    face[1:] = bodies.face
-    height_m[1:] = np.abs(distance_m)
+    face[0] = -1
+    height_m[0] = 0
+    for p in range(len(distance_m)):
+        face[p + 1] = bodies.face[p]
+        height_m[p + 1] = abs(distance_m[p])
     for i in range(len(nearest)):
         k, inverse = plane[i] + 1, nearest[i]
         cosine = height_m[k] * inverse

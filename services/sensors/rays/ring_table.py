@@ -18,7 +18,7 @@ _NUM_BINS = 1024
 
 
 class RingTable(NamedTuple):
-    """R rings in G groups: ring[i] is the number of the i-th, those of group g from start[g] to start[g + 1].
+    """R rings in G groups: ring[i] is the number of the i-th and place[ring[i]] is i; those of group g from start[g] to start[g + 1].
 
     tangent (R,): of the elevations, falling within a group. direction (3, R): unit vectors outward, to the left and up,
     seen along the encoder. cos, sin (G,): of the groups' mean azimuth. spread (G,): tangent of the largest deviation
@@ -27,6 +27,7 @@ class RingTable(NamedTuple):
     """
 
     ring: NDArray[np.int32]
+    place: NDArray[np.uint32]
     start: NDArray[np.int32]
     tangent: Float
     direction: Float32
@@ -63,6 +64,7 @@ def ring_table(beams: Beams) -> RingTable:
     flat, own = np.cos(elevation[ring]), azimuth[ring]
     return RingTable(
         ring=ring.astype(np.int32),
+        place=np.argsort(ring).astype(np.uint32),
         start=start.astype(np.int32),
         tangent=tangent,
         direction=np.stack([flat * np.cos(own), flat * np.sin(own), np.sin(elevation[ring])]).astype(np.float32),

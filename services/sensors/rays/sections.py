@@ -19,37 +19,54 @@ _TOLERANCE = 1e-9
 """Faces reach beyond their edges by this much, so that no ray slips between two."""
 
 
-@njit(cache=True)
-def seen_from(corners_m: Float, frame: Float, origin_m: Float, out: Float) -> None:
-    """Writes corners (n, 3) as a column with that frame (its axes as rows) and origin sees them, into out[:, :n]."""
-    for i in range(len(corners_m)):
-        x, y, z = corners_m[i, 0] - origin_m[0], corners_m[i, 1] - origin_m[1], corners_m[i, 2] - origin_m[2]
-        for k in range(3):
-            out[k, i] = frame[k, 0] * x + frame[k, 1] * y + frame[k, 2] * z
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def seen_from(corners_m: Float, first: int, last: int, frames: Float, origins_m: Float, c: int, out: Float) -> None:
+    """Writes corners_m[:, first:last] as column c sees them, with that frame (its axes as rows) and origin, into out."""
+    x, y, z = origins_m[c, 0], origins_m[c, 1], origins_m[c, 2]
+    for k in range(3):
+        a, b, d = frames[c, k, 0], frames[c, k, 1], frames[c, k, 2]
+        for i in range(last - first):
+            j = np.uint64(first + i)
+            out[k, i] = a * (corners_m[0, j] - x) + b * (corners_m[1, j] - y) + d * (corners_m[2, j] - z)
 
 
-@njit(cache=True)
-def cut(outward: Float, left: Float, up: Float, tails: Ints, heads: Ints, first: int, last: int) -> tuple[float, float]:
-    """Between which elevations the half-plane left = 0 cuts a convex polygon, exactly; (inf, -inf) if not at all."""
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def cut(seen: Float, left: int, tails: Ints, heads: Ints, first: int, last: int) -> Any:
+    """Between which elevations the half-plane seen[left] = 0 cuts a convex polygon, exactly; (inf, -inf) if not at all.
+
+    seen (5, n): of each corner outward, left and up, and two rows of other distances to the left.
+    """
     num = 0
-    x0 = z0 = x1 = z1 = 0.0
-    for e in range(first, last):
+    i0 = j0 = i1 = j1 = np.uint32(0)
+    for e in range(np.uint64(first), np.uint64(last)):
         i, j = tails[e], heads[e]
-        if (left[i] > 0) != (left[j] > 0):
-            share = left[i] / (left[i] - left[j])
-            x0, z0 = x1, z1
-            x1, z1 = outward[i] + share * (outward[j] - outward[i]), up[i] + share * (up[j] - up[i])
+        if (seen[left, i] > 0) != (seen[left, j] > 0):
+            i0, j0, i1, j1 = i1, j1, i, j
             num += 1
     if num < 2:
-        return math.inf, -math.inf
-    return _between(x0, z0, x1, z1)
-
-
-@njit(cache=True)
-def _between(x0: float, z0: float, x1: float, z1: float) -> tuple[float, float]:
-    """The elevations of a segment's points with x > 0."""
+        return math.inf, -math.inf, 0.0, 0.0
+    x0, z0, slope0 = _crossing(seen, left, i0, j0)
+    x1, z1, slope1 = _crossing(seen, left, i1, j1)
     if x0 > 0 and x1 > 0:
-        return min(z0 / x0, z1 / x1), max(z0 / x0, z1 / x1)
+        t0, t1 = z0 / x0, z1 / x1
+        return (t0, t1, slope0, slope1) if t0 < t1 else (t1, t0, slope1, slope0)
+    low, high = _between(x0, z0, x1, z1)
+    slope = slope0 if x0 > 0 else slope1
+    return low, high, slope, slope
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _crossing(seen: Float, left: int, i: int, j: int) -> tuple[float, float, float]:
+    """Where an edge crosses a half-plane: outward, up, and by how much the elevation changes with the azimuth."""
+    share = seen[left, i] / (seen[left, i] - seen[left, j])
+    x, z = seen[0, j] - seen[0, i], seen[2, j] - seen[2, i]
+    m_y, m_z = seen[2, i] * x - seen[0, i] * z, seen[0, i] * seen[1, j] - seen[1, i] * seen[0, j]
+    return seen[0, i] + share * x, seen[2, i] + share * z, abs(m_y / m_z)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _between(x0: float, z0: float, x1: float, z1: float) -> tuple[float, float]:
+    """The elevations of those points of a segment that have x > 0, of which not both ends do."""
     if x0 <= 0 and x1 <= 0:
         return math.inf, -math.inf
     elevation = z0 / x0 if x0 > 0 else z1 / x1
@@ -57,8 +74,8 @@ def _between(x0: float, z0: float, x1: float, z1: float) -> tuple[float, float]:
     return (elevation, math.inf) if z_on_axis > 0 else (-math.inf, elevation)
 
 
-@njit(cache=True)
-def span(outward: Float, left: Float, up: Float, tails: Ints, heads: Ints, first: int, last: int) -> Any:
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def span(seen: Float, left: int, tails: Ints, heads: Ints, first: int, last: int) -> Any:
     """Like `cut` of a whole body by its edges; where the axis runs through it the span may be too wide.
 
     Also whether it is exact.
@@ -66,11 +83,13 @@ def span(outward: Float, left: Float, up: Float, tails: Ints, heads: Ints, first
     low, high = math.inf, -math.inf
     lowest, highest = math.inf, -math.inf
     is_across_axis = False
-    for e in range(first, last):
+    for e in range(np.uint64(first), np.uint64(last)):
         i, j = tails[e], heads[e]
-        if (left[i] > 0) != (left[j] > 0):
-            share = left[i] / (left[i] - left[j])
-            x, z = outward[i] + share * (outward[j] - outward[i]), up[i] + share * (up[j] - up[i])
+        a, b = seen[left, i], seen[left, j]
+        if (a > 0) != (b > 0):
+            share = a / (a - b)
+            x = seen[0, i] + share * (seen[0, j] - seen[0, i])
+            z = seen[2, i] + share * (seen[2, j] - seen[2, i])
             lowest, highest = min(lowest, z), max(highest, z)
             if x > 0:
                 low, high = min(low, z / x), max(high, z / x)
@@ -85,39 +104,7 @@ def span(outward: Float, left: Float, up: Float, tails: Ints, heads: Ints, first
     return -math.inf, math.inf, False
 
 
-@njit(cache=True)
-def within(outward: Float, left: Float, up: Float, num: int, slab: Any) -> tuple[float, float]:
-    """Between which elevations those corners lie that are in the wedge |left| <= slab[0] + slab[1] * outward."""
-    low, high = math.inf, -math.inf
-    for i in range(num):
-        if abs(left[i]) <= slab[0] + slab[1] * outward[i]:
-            if outward[i] <= 0:
-                return -math.inf, math.inf
-            low, high = min(low, up[i] / outward[i]), max(high, up[i] / outward[i])
-    return low, high
-
-
-@njit(cache=True)
-def wedge(seen: Any, slab: Any, tails: Ints, heads: Ints, first: int, last: int, num_corners: int) -> Any:
-    """Outer and inner (low, high) of a convex outline or body in the wedge |left| <= slab[0] + slab[1] * outward.
-
-    Whatever of it is in the wedge lies between the outer elevations; between the inner ones it fills the wedge from
-    side to side. seen: outward, left, up and two arrays to write to.
-    """
-    outward, left, up, one, other = seen
-    for i in range(num_corners):
-        width_m = slab[0] + slab[1] * outward[i]
-        one[i], other[i] = left[i] - width_m, left[i] + width_m
-    low, high = within(outward, left, up, num_corners, slab)
-    low_1, high_1, is_exact_1 = span(outward, one, up, tails, heads, first, last)
-    low_2, high_2, is_exact_2 = span(outward, other, up, tails, heads, first, last)
-    low, high = min(low, low_1, low_2), max(high, high_1, high_2)
-    if not (is_exact_1 and is_exact_2):
-        return low, high, math.inf, -math.inf
-    return low, high, max(low_1, low_2), min(high_1, high_2)
-
-
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def rings_between(table: Any, group: int, low: float, high: float) -> tuple[int, int]:
     """The rings of a group that look between two elevations: the first, and the one behind the last."""
     if low > high:
@@ -126,7 +113,7 @@ def rings_between(table: Any, group: int, low: float, high: float) -> tuple[int,
     return first, max(first, _first_at_or_below(table, group, low - _TOLERANCE * (1 + abs(low))))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _first_at_or_below(table: Any, group: int, tangent: float) -> int:
     start, end = table.start[group], table.start[group + 1]
     if tangent >= table.tangent[start]:
@@ -140,3 +127,34 @@ def _first_at_or_below(table: Any, group: int, tangent: float) -> int:
     while i < end and table.tangent[i] > tangent:
         i += 1
     return i
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def wedge(seen: Float, num: int, slab: Any, tails: Ints, heads: Ints, first: int, last: int) -> Any:
+    """Outer and inner (low, high) of a convex body in the wedge |left| <= slab[0] + slab[1] * outward.
+
+    Whatever of the body is in the wedge lies between the outer elevations; between the inner ones it fills the wedge
+    from side to side. seen (5, n): of its corners; rows 3 and 4 are written to. The edges are those from `first` on.
+    """
+    low, high = math.inf, -math.inf
+    for i in range(num):
+        width_m = slab[0] + slab[1] * seen[0, i]
+        seen[3, i], seen[4, i] = seen[1, i] - width_m, seen[1, i] + width_m
+        if abs(seen[1, i]) <= width_m:
+            elevation = seen[2, i] / seen[0, i]
+            low = min(low, elevation) if seen[0, i] > 0 else -math.inf
+            high = max(high, elevation) if seen[0, i] > 0 else math.inf
+    low_1, high_1, is_exact_1 = span(seen, 3, tails, heads, first, last)
+    low_2, high_2, is_exact_2 = span(seen, 4, tails, heads, first, last)
+    low, high = min(low, low_1, low_2), max(high, high_1, high_2)
+    if not (is_exact_1 and is_exact_2):
+        return low, high, math.inf, -math.inf
+    return low, high, max(low_1, low_2), min(high_1, high_2)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def higher(tangent: float, by: float) -> float:
+    """The tangent of an elevation raised by an angle of tangent `by`; inf from straight up on."""
+    if math.isinf(tangent) or tangent * by >= 1:
+        return tangent if math.isinf(tangent) else math.inf
+    return (tangent + by) / (1 - tangent * by)

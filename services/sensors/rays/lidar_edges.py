@@ -1,0 +1,426 @@
+"""Beams of finite width where an edge is near: which they are, and what their sub-rays meet.
+
+For each body, column and group of rings: the elevations within which a sub-ray may meet it, and those within which all
+do. A beam may differ from its axis where its own body does not fill it, or where another body may be in front.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from services.sensors.lidar.beams import Beams
+from services.sensors.lidar.footprint import Footprint, sub_rays
+from services.sensors.rays.bodies import Bodies
+from services.sensors.rays.culling import candidates_of
+from services.sensors.rays.lidar_moving import Column, distance_to_planes, is_aside, turn_to_group
+from services.sensors.rays.ring_table import RingTable
+from services.sensors.rays.sections import higher, rings_between, seen_from, wedge
+
+Float = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+
+_LANES = 8
+"""Sub-rays of a beam that are cast at once; the last repeats the first."""
+_BLOCK = 16
+"""Columns that share a list of candidates."""
+_SAME_M = 1e-5
+"""Of two surfaces no farther apart than this the one listed first is met."""
+
+
+class SubRays(NamedTuple):
+    """The sub-rays of R beams in the order of a `RingTable`, seen along the encoder.
+
+    direction, origin_m (3, R, _LANES). start_m, widening: half the width of the bundle at its start, and what is added
+    with each metre of range; slope: with each metre outward.
+    """
+
+    direction: Float32
+    origin_m: Float32
+    start_m: float
+    widening: float
+    slope: float
+
+
+class Room(NamedTuple):
+    """Room to work in, and for the results.
+
+    body, floor, bound, is_near_edge (R,): of each beam of a column the body its axis meets, the least 1 / range of its
+    sub-rays on it, the largest on another body, and whether to cast them. outer (M, G, 2): rings that may meet a body.
+    before (R + 1,): how many beams before each are cast. The arrays from direction to plane hold their sub-rays side by
+    side: where they meet the plane at hand, between which planes they are in a body, what they met first. cells,
+    range_m, face, cos_incidence: see `EdgeHits`.
+    """
+
+    body: NDArray[np.int32]
+    floor: Float32
+    bound: Float32
+    is_near_edge: NDArray[np.bool_]
+    outer: NDArray[np.int32]
+    before: NDArray[np.int32]
+    direction: Float32
+    origin_m: Float32
+    along: Float32
+    meets_m: Float32
+    entry_m: Float32
+    exit_m: Float32
+    entry_plane: NDArray[np.int32]
+    exit_plane: NDArray[np.int32]
+    cast_m: Float32
+    plane: NDArray[np.int32]
+    cells: NDArray[np.int64]
+    range_m: Float32
+    face: NDArray[np.int32]
+    cos_incidence: Float32
+
+
+def sub_ray_table(beams: Beams, table: RingTable, footprint: Footprint) -> SubRays:
+    """The sub-rays of these beams."""
+    elevation, azimuth = beams.elevation_rad[table.ring], beams.azimuth_rad[table.ring]
+    flat, rise, zero = np.cos(elevation), np.sin(elevation), np.zeros_like(azimuth)
+    axis = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), rise], axis=-1)[:, np.newaxis]
+    left = np.stack([-np.sin(azimuth), np.cos(azimuth), zero], axis=-1)[:, np.newaxis]
+    where = sub_rays()
+    where = np.concatenate([where, where[:1]])
+    aside = where[:, :1] * left + where[:, 1:] * np.cross(axis, left)
+    direction = axis + np.tan(footprint.divergence_rad / 2) * aside
+    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+    radius = float(np.linalg.norm(where, axis=1).max()) * (1 + 1e-3)
+    widening = radius * math.tan(footprint.divergence_rad / 2)
+    return SubRays(
+        np.ascontiguousarray(direction.transpose(2, 0, 1), dtype=np.float32),
+        np.ascontiguousarray((footprint.exit_m / 2 * aside).transpose(2, 0, 1), dtype=np.float32),
+        radius * footprint.exit_m / 2,
+        widening,
+        widening / float(flat.min(initial=1.0)),
+    )
+
+
+def room_for(bodies: Bodies, table: RingTable, num_cells: int) -> Room:
+    """Room for scans of so many beams."""
+    num_rings, num_sub_rays = len(table.ring), len(sub_rays())
+    num_lanes = num_rings * _LANES
+    return Room(
+        np.empty(num_rings, np.int32),
+        np.empty(num_rings, np.float32),
+        np.empty(num_rings, np.float32),
+        np.empty(num_rings, np.bool_),
+        np.empty((len(bodies.radii_m), len(table.cos), 2), np.int32),
+        np.empty(num_rings + 1, np.int32),
+        np.empty((3, num_lanes), np.float32),
+        np.empty((3, num_lanes), np.float32),
+        *(np.empty(num_lanes, np.float32) for _ in range(4)),
+        *(np.empty(num_lanes, np.int32) for _ in range(2)),
+        np.empty(num_lanes, np.float32),
+        np.empty(num_lanes, np.int32),
+        np.empty(num_cells, np.int64),
+        np.empty((num_cells, num_sub_rays), np.float32),
+        np.empty((num_cells, num_sub_rays), np.int32),
+        np.empty((num_cells, num_sub_rays), np.float32),
+    )
+
+
+@njit(cache=True, error_model="numpy", _nrt=False)
+def edge_columns(
+    bodies: Any,
+    body_of_face: NDArray[np.int32],
+    table: Any,
+    rays: Any,
+    frames: Float,
+    origins_m: Float,
+    limits_m: tuple[float, float],
+    face: NDArray[np.int32],
+    first_column: int,
+    column: Any,
+    found: Any,
+    room: Any,
+    num: int,
+) -> int:
+    """Adds the cells of these columns to the `num` that `room` holds, and says how many it holds then.
+
+    limits_m: near and far. face (C, R): what the beams' axes meet. first_column: number of the first of these columns.
+    """
+    reach = rays.start_m, rays.slope
+    for first in range(0, len(frames), _BLOCK):
+        last = min(first + _BLOCK, len(frames))
+        num_found = candidates_of(
+            bodies, table, frames[first:last], origins_m[first:last], reach, limits_m[1], column.walls, found
+        )
+        for c in range(first, last):
+            _begin(table, body_of_face, face, c, limits_m[1], room)
+            kept = 0
+            for k in range(num_found):
+                if _is_in_column(bodies, found[k], table, rays, frames, origins_m, c, limits_m, column, room, kept):
+                    found[k], found[kept] = found[kept], found[k]
+                    kept += 1
+            for k in range(kept):
+                _mark_in_front(bodies, found[k], k, table, rays, frames, c, limits_m, column, room)
+            num = _cast_column(bodies, table, rays, frames, c, limits_m, column, found, kept, room, first_column, num)
+    return num
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _begin(table: Any, body_of_face: Any, face: Any, c: int, far_m: float, room: Room) -> None:
+    for i in range(len(table.ring)):
+        hit = face[c, table.ring[i]]
+        room.body[i] = body_of_face[hit] if hit >= 0 else -1
+        room.floor[i] = np.float32(0) if hit >= 0 else np.float32(1 / far_m)
+        room.is_near_edge[i] = False
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _is_in_column(
+    bodies: Any,
+    b: int,
+    table: Any,
+    rays: Any,
+    frames: Float,
+    origins_m: Float,
+    c: int,
+    limits_m: Any,
+    column: Column,
+    room: Room,
+    k: int,
+) -> bool:
+    """Whether a column's sub-rays may meet a body; if so writes which as the k-th, and the floor where all do."""
+    if is_aside(bodies, b, frames, origins_m, c, table.widest_rad + rays.slope, rays.start_m):
+        return False
+    away_m = distance_to_planes(bodies, b, origins_m, c, column.distance_m) - rays.start_m
+    start, end = bodies.corner_start[b], bodies.corner_start[b + 1]
+    seen_from(bodies.corners_m, start, end, frames, origins_m, c, column.corners)
+    angle = rays.start_m / away_m + rays.widening if away_m > 0 else math.inf
+    edges = bodies.edge_start[b], bodies.edge_start[b + 1]
+    is_any = False
+    for g in range(len(table.cos)):
+        turn_to_group(column.corners, end - start, table.cos[g], table.sin[g], column.seen)
+        slab = rays.start_m, rays.slope + table.spread[g]
+        low, high, inner_low, inner_high = wedge(
+            column.seen, end - start, slab, bodies.edge_tails, bodies.edge_heads, edges[0], edges[1]
+        )
+        if low > high:
+            room.outer[k, g, 0] = room.outer[k, g, 1] = 0
+            continue
+        first, last = rings_between(table, g, -higher(-low, angle), higher(high, angle))
+        room.outer[k, g, 0], room.outer[k, g, 1] = first, last
+        is_any |= first < last
+        if inner_low < inner_high and away_m > limits_m[0]:
+            first, last = rings_between(table, g, higher(inner_low, angle), -higher(-inner_high, angle))
+            _raise_floor(bodies, b, table, rays, frames, c, column, room, first, last)
+    return is_any
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _normal_seen(bodies: Any, p: int, frames: Float, c: int) -> tuple[np.float32, np.float32, np.float32]:
+    x, y, z = bodies.normals[0, p], bodies.normals[1, p], bodies.normals[2, p]
+    return (
+        np.float32(frames[c, 0, 0] * x + frames[c, 0, 1] * y + frames[c, 0, 2] * z),
+        np.float32(frames[c, 1, 0] * x + frames[c, 1, 1] * y + frames[c, 1, 2] * z),
+        np.float32(frames[c, 2, 0] * x + frames[c, 2, 1] * y + frames[c, 2, 2] * z),
+    )
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+def _bound(
+    bodies: Any, b: int, table: Any, rays: Any, frames: Float, c: int, column: Column, room: Room, rings: Any, sign: int
+) -> None:
+    """Writes the largest (sign 1) or least (-1) 1 / range at which sub-rays of these rings may meet a body."""
+    for i in range(np.uint64(rings[0]), np.uint64(rings[1])):
+        room.bound[i] = np.float32(np.inf)
+    for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
+        nearest_m = column.distance_m[p] - sign * rays.start_m
+        if nearest_m <= 0 and (sign > 0 or column.distance_m[p] < -rays.start_m):
+            continue
+        x, y, z = _normal_seen(bodies, p, frames, c)
+        scale = np.float32(1 / max(nearest_m, 1e-6))
+        slack = np.float32(sign * (1.01 * rays.widening + 1e-6))
+        if sign < 0 and column.distance_m[p] <= rays.start_m:
+            scale = np.float32(0)
+        for i in range(np.uint64(rings[0]), np.uint64(rings[1])):
+            direction = x * table.direction[0, i] + y * table.direction[1, i] + z * table.direction[2, i]
+            inverse = scale * (slack - direction)
+            room.bound[i] = inverse if inverse < room.bound[i] else room.bound[i]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _raise_floor(
+    bodies: Any,
+    b: int,
+    table: Any,
+    rays: Any,
+    frames: Float,
+    c: int,
+    column: Column,
+    room: Room,
+    first: int,
+    last: int,
+) -> None:
+    """Where a body fills the beams whose axes meet it: their sub-rays meet nothing farther than that."""
+    is_met = False
+    for i in range(np.uint64(first), np.uint64(last)):
+        is_met |= room.body[i] == b
+    if is_met:
+        _bound(bodies, b, table, rays, frames, c, column, room, (first, last), -1)
+        for i in range(np.uint64(first), np.uint64(last)):
+            if room.body[i] == b:
+                room.floor[i] = room.bound[i]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _mark_in_front(
+    bodies: Any,
+    b: int,
+    k: int,
+    table: Any,
+    rays: Any,
+    frames: Float,
+    c: int,
+    limits_m: Any,
+    column: Column,
+    room: Room,
+) -> None:
+    """Marks beams whose sub-rays may meet this body before the one that their axes meet."""
+    for g in range(len(table.cos)):
+        first, last = room.outer[k, g, 0], room.outer[k, g, 1]
+        is_other = False
+        for i in range(np.uint64(first), np.uint64(last)):
+            is_other |= room.body[i] != b
+        if not is_other:
+            continue
+        _bound(bodies, b, table, rays, frames, c, column, room, (first, last), 1)
+        for i in range(np.uint64(first), np.uint64(last)):
+            room.is_near_edge[i] |= room.body[i] != b and room.bound[i] >= room.floor[i]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _cast_column(
+    bodies: Any,
+    table: Any,
+    rays: Any,
+    frames: Float,
+    c: int,
+    limits_m: Any,
+    column: Column,
+    found: Any,
+    kept: int,
+    room: Room,
+    first_column: int,
+    num: int,
+) -> int:
+    """Casts the sub-rays of all beams of a column that are marked, and keeps the beams that have an edge."""
+    _gather(rays, np.float32(1 / limits_m[1]), np.float32(limits_m[1]), room)
+    for k in range(kept):
+        for g in range(len(table.cos)):
+            first, last = room.before[room.outer[k, g, 0]], room.before[room.outer[k, g, 1]]
+            if first < last:
+                _cast(bodies, found[k], frames, c, np.float32(limits_m[0]), column, room, first, last)
+    num_rings = len(table.place)
+    for r in range(num_rings):
+        i = table.place[r]
+        first = room.before[i] * _LANES
+        if room.before[i] < room.before[i + 1] and _has_edge(bodies, room, first):
+            room.cells[num] = (first_column + c) * num_rings + r
+            _keep(bodies, room, frames, c, first, num)
+            num += 1
+    return num
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _gather(rays: Any, least: Any, far_m: Any, room: Room) -> None:
+    """Lays the sub-rays of the beams to cast side by side, and counts those beams."""
+    num = 0
+    for i in range(len(room.body)):
+        room.before[i] = num
+        if room.is_near_edge[i] or (room.body[i] >= 0 and room.floor[i] < least):
+            for axis in range(3):
+                for n in range(_LANES):
+                    room.direction[axis, num * _LANES + n] = rays.direction[axis, i, n]
+                    room.origin_m[axis, num * _LANES + n] = rays.origin_m[axis, i, n]
+            num += 1
+    room.before[len(room.body)] = num
+    for n in range(num * _LANES):
+        room.cast_m[n] = far_m
+    for n in range(num * _LANES):
+        room.plane[n] = -1
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+def _cast(
+    bodies: Any, b: int, frames: Float, c: int, near_m: Any, column: Column, room: Room, first: int, last: int
+) -> None:
+    """Casts the sub-rays of some beams against a body.
+
+    They are in it from the last plane at which they enter to the first at which they leave.
+    """
+    start, end = np.uint64(first * _LANES), np.uint64(last * _LANES)
+    for n in range(start, end):
+        room.entry_m[n] = np.float32(-np.inf)
+    for n in range(start, end):
+        room.exit_m[n] = np.float32(np.inf)
+    for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
+        _meet_plane(_normal_seen(bodies, p, frames, c), np.float32(column.distance_m[p]), room, start, end)
+        _narrow(np.int32(p), room, start, end)
+    for n in range(start, end):
+        is_before = room.entry_m[n] >= near_m
+        range_m = room.entry_m[n] if is_before else room.exit_m[n]
+        is_hit = (room.entry_m[n] <= room.exit_m[n]) & (range_m >= near_m)
+        if is_hit & (range_m < room.cast_m[n] - np.float32(_SAME_M)):
+            room.cast_m[n] = range_m
+            room.plane[n] = room.entry_plane[n] if is_before else room.exit_plane[n]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+def _meet_plane(normal: Any, before_m: Any, room: Room, start: Any, end: Any) -> None:
+    """Writes where sub-rays meet a plane, and how fast they go along its normal."""
+    x, y, z = normal
+    along, range_m, direction, origin_m = room.along, room.meets_m, room.direction, room.origin_m
+    for n in range(start, end):
+        along[n] = x * direction[0, n] + y * direction[1, n] + z * direction[2, n]
+    for n in range(start, end):
+        range_m[n] = -(before_m + x * origin_m[0, n] + y * origin_m[1, n] + z * origin_m[2, n]) / along[n]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+def _narrow(p: Any, room: Room, start: Any, end: Any) -> None:
+    along, range_m = room.along, room.meets_m
+    entry_m, exit_m, entry_plane, exit_plane = room.entry_m, room.exit_m, room.entry_plane, room.exit_plane
+    for n in range(start, end):
+        is_later = (along[n] < 0) & (range_m[n] > entry_m[n])
+        entry_m[n] = range_m[n] if is_later else entry_m[n]
+        entry_plane[n] = p if is_later else entry_plane[n]
+    for n in range(start, end):
+        is_sooner = (along[n] >= 0) & (range_m[n] < exit_m[n])
+        exit_m[n] = range_m[n] if is_sooner else exit_m[n]
+        exit_plane[n] = p if is_sooner else exit_plane[n]
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _has_edge(bodies: Any, room: Room, first: int) -> bool:
+    """Whether not all sub-rays of a beam meet one surface."""
+    surface = _surface(bodies, room.plane[first])
+    for n in range(1, _LANES - 1):
+        if _surface(bodies, room.plane[first + n]) != surface:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _surface(bodies: Any, p: int) -> int:
+    return bodies.surface_of_plane[p] if p >= 0 else np.int32(-1)
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+def _keep(bodies: Any, room: Room, frames: Float, c: int, first: int, num: int) -> None:
+    for n in range(_LANES - 1):
+        k = first + n
+        p = room.plane[k]
+        room.range_m[num, n], room.face[num, n] = np.float32(np.inf), np.int32(-1)
+        room.cos_incidence[num, n] = np.float32(0)
+        if p >= 0:
+            x, y, z = _normal_seen(bodies, p, frames, c)
+            along = x * room.direction[0, k] + y * room.direction[1, k] + z * room.direction[2, k]
+            room.range_m[num, n], room.face[num, n] = room.cast_m[k], bodies.face[p]
+            room.cos_incidence[num, n] = min(abs(along), np.float32(1))
