@@ -29,7 +29,7 @@ _REACH_M = 6.0
 
 _BAR_WIDTH_M, _BAR_DISTANCE_M, _WALL_BEHIND_M = 0.02, 5.0, 0.2
 _EDGE_SCENE = f"""<robot name="s"><link name="world">
-  <visual name="bar"><origin xyz="{_BAR_DISTANCE_M} 0 0"/><geometry>
+  <visual name="bar"><origin xyz="{_BAR_DISTANCE_M} 0 0" rpy="0.12 0 0"/><geometry>
     <box size="{_BAR_WIDTH_M} {_BAR_WIDTH_M} 2"/></geometry></visual>
   <visual name="wall"><origin xyz="{_BAR_DISTANCE_M + _WALL_BEHIND_M + 0.05} 0 0"/><geometry>
     <box size="0.1 1 2"/></geometry></visual>
@@ -75,7 +75,7 @@ def draw_scan(path: Path, config: Config, view: View) -> None:
 
 
 def draw_edge(path: Path) -> None:
-    """A bar of 20 mm before a wall, seen from above: met by beams of no width, and by those of the datasheet."""
+    """A leaning bar of 20 mm before a wall, seen from above: met by beams of no width, and by those of the datasheet."""
     figure, panels = _figure(1, 2, (13, 5.5))
     wide = {"exit_m": 0.01, "divergence_deg": 0.18}
     for panel, (title, changes) in zip(
@@ -89,9 +89,9 @@ def draw_edge(path: Path) -> None:
         scan = lidar.scan([_still("lidar")])
         mixed = _is_mixed(scan)
         x, y = scan.points_m[:, 0], 1000 * scan.points_m[:, 1]
-        panel.scatter(y[~mixed], x[~mixed], s=5, color="#6eeb8c", linewidths=0, label="bar and wall")
-        panel.scatter(y[mixed], x[mixed], s=5, color="#ff7043", linewidths=0, label="mixed")
-        panel.set(title=title, xlabel="to the left [mm]", ylabel="forward [m]", xlim=(120, -120), ylim=(4.95, 5.25))
+        panel.scatter(y[~mixed], x[~mixed], s=7, color="#6eeb8c", linewidths=0, label="bar and wall")
+        panel.scatter(y[mixed], x[mixed], s=7, color="#ff7043", linewidths=0, label="mixed")
+        panel.set(title=title, xlabel="to the left [mm]", ylabel="forward [m]", xlim=(180, -180), ylim=(4.95, 5.25))
         panel.legend(facecolor=_BACKGROUND, labelcolor=_INK, edgecolor=_INK)
     figure.savefig(path, dpi=100, facecolor=_BACKGROUND)
 
