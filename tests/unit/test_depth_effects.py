@@ -162,6 +162,15 @@ def test_jitter_leaves_surfaces_without_a_step_as_they_are():
     assert (with_jitter == without).all()
 
 
+def test_jitter_moves_outlines_and_nothing_within_them():
+    u = np.arange(CAMERA.width)
+    depth_m = np.where(u < STEP_AT, 2.0, 0.5) / (1.0 + 0.002 * u)
+    with_jitter, without = (measured(effects(edge_jitter_px=px), depth_m) for px in (2.0, 0.0))
+    is_moved = with_jitter != without
+    assert is_moved.any()
+    assert (np.abs(np.log(with_jitter / without))[is_moved] > 1.0).all()
+
+
 def test_jitter_acts_up_and_down_too():
     outlines = measured(effects(edge_jitter_px=2.0), np.where(np.arange(480) < 240, 3.0, 1.0)[:, np.newaxis])
     assert ((outlines == 3000).sum(axis=0) - 240).std() == pytest.approx(2.0, rel=0.35)
