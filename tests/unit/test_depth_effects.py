@@ -22,7 +22,7 @@ def hits(depth_m, cos_incidence=None):
     depth_m = np.broadcast_to(np.asarray(depth_m, np.float32), (CAMERA.height, CAMERA.width)).copy()
     face = np.where(np.isinf(depth_m), -1, 0).astype(np.int32)
     cosines = np.ones_like(depth_m) if cos_incidence is None else np.broadcast_to(cos_incidence, depth_m.shape)
-    return Hits(depth_m, face, cosines.astype(np.float32))
+    return Hits(depth_m, face, np.ascontiguousarray(cosines, np.float32))
 
 
 def measured(camera, depth_m, stamp_ns=0, **given):
