@@ -21,10 +21,14 @@ def drawn(scene, T_world_camera=HERE, near_m=0.05, far_m=50.0, camera=CAMERA, T_
 
 
 def num_different(hits, reference):
-    """Pixels that differ by more than 1 mm, or where only one of both meets anything."""
+    """Pixels that differ by more than 1 mm, or where only one of both meets anything; each must be on an outline."""
     is_far = np.isinf(hits.range_m) & np.isinf(reference.range_m)
     with np.errstate(invalid="ignore"):
-        return int((~is_far & ~(np.abs(hits.range_m - reference.range_m) <= 1e-3)).sum())
+        different = np.argwhere(~is_far & ~(np.abs(hits.range_m - reference.range_m) <= 1e-3))
+    for v, u in different:
+        around = reference.range_m[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2]
+        assert np.isclose(hits.range_m[v, u], around, rtol=0.02).any()
+    return len(different)
 
 
 def compare(scene, views, clips, T_world_link=None):

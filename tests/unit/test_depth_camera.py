@@ -1,7 +1,10 @@
 import numpy as np
 import pytest
 
-from services.sensors.depth.camera import DepthCamera, pinhole_of
+from services.sensors.depth.camera import DepthCamera, compile_kernels, pinhole_of
+from services.sensors.depth.effect_kernels import match
+from services.sensors.depth.point_kernels import points_of
+from services.sensors.rays.camera_kernels import draw, finish
 from shared.errors import InputFileError, MessageError
 from shared.geometry import SE3
 from shared.messaging.messages import (
@@ -192,3 +195,11 @@ def test_descriptions_and_transforms_that_do_not_fit():
         depth_camera().add_transforms(transforms(0, children=("body", "camera")))
     with pytest.raises(MessageError, match="needs the descriptions of robot and structure first"):
         DepthCamera(config(), 1, lambda: False).image(transforms(0))
+
+
+def test_what_an_image_takes_is_compiled_beforehand():
+    compile_kernels()
+    kernels = (draw, finish, match, points_of)
+    compiled = [list(kernel.signatures) for kernel in kernels]
+    depth_camera(wants_points=True, preset="datasheet").add_transforms(transforms(0))
+    assert [list(kernel.signatures) for kernel in kernels] == compiled

@@ -22,7 +22,7 @@ def hits(depth_m, cos_incidence=None):
     depth_m = np.broadcast_to(np.asarray(depth_m, np.float32), (CAMERA.height, CAMERA.width)).copy()
     face = np.where(np.isinf(depth_m), -1, 0).astype(np.int32)
     cosines = np.ones_like(depth_m) if cos_incidence is None else np.broadcast_to(cos_incidence, depth_m.shape)
-    return Hits(depth_m, face, cosines.astype(np.float32))
+    return Hits(depth_m, face, np.ascontiguousarray(cosines, np.float32))
 
 
 def measured(camera, depth_m, stamp_ns=0, **given):
@@ -160,6 +160,15 @@ def test_jitter_leaves_surfaces_without_a_step_as_they_are():
     depth_m = 1 / (1.0 + 0.001 * u - 0.0005 * v)
     with_jitter, without = (measured(effects(edge_jitter_px=px), depth_m) for px in (1.5, 0.0))
     assert (with_jitter == without).all()
+
+
+def test_jitter_moves_outlines_and_nothing_within_them():
+    u = np.arange(CAMERA.width)
+    depth_m = np.where(u < STEP_AT, 2.0, 0.5) / (1.0 + 0.002 * u)
+    with_jitter, without = (measured(effects(edge_jitter_px=px), depth_m) for px in (2.0, 0.0))
+    is_moved = with_jitter != without
+    assert is_moved.any()
+    assert (np.abs(np.log(with_jitter / without))[is_moved] > 1.0).all()
 
 
 def test_jitter_acts_up_and_down_too():

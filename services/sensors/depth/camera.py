@@ -160,4 +160,6 @@ def compile_kernels() -> None:
     """Compiles what a depth camera runs, into numba's cache."""
     camera_conversion.compile_kernels()
     effects.compile_kernels()
-    points_of(np.ones((1, 1), dtype=np.uint16), 1.0, 1.0, 0.0, 0.0)
+    pixels = np.ones((1, 1), dtype=np.uint16)
+    pixels.setflags(write=False)  # numba compiles for read-only arrays apart, and messages have those
+    points_of(pixels, 1.0, 1.0, 0.0, 0.0)

@@ -52,7 +52,9 @@ class View(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Room to work in. left, right (H,): the span of each row. clipped_m (P, 3), pixels (P, 2): of one polygon."""
+    """Room to work in. points_m (P, 3): of one shape, in the camera's frame. clipped_m (C, 3), pixels (C, 2): of one
+    polygon. left, right (H,): the span of each row.
+    """
 
     points_m: Float
     clipped_m: Float
