@@ -2,8 +2,8 @@
 
 `python -m bench.sensors` takes each figure several times, ours and the peers' in turn, one thread each, and prints
 medians. World: the original structure with the robot, and as many more bars around it as are asked for. The peers cast
-bare rays: their trees are built and the rays made beforehand; a moving scan is cast with all links where they are at its
-beginning. Rows with a preset have everything: poses, errors, packing, the message. MuJoCo and pybullet run once.
+bare rays: their trees are built and the rays made beforehand; a moving scan is cast with all links where they are at
+its beginning. Rows with a preset have everything: poses, errors, packing, the message. MuJoCo and pybullet run once.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from services.sensors.depth.camera import DepthCamera, pinhole_of
 from services.sensors.lidar.beam_files import read_beams
 from services.sensors.lidar.beams import Beams
 from services.sensors.lidar.footprint import Footprint
-from services.sensors.node import load_lidar
+from services.sensors.loading import load_lidar
 from services.sensors.rays.interface import Poses
 from services.sensors.rays.scan_conversion import ScanConversionBackend
 from services.sensors.surroundings import Surroundings

@@ -10,7 +10,7 @@ import numpy as np
 
 from services.sensors.depth.camera import DepthCamera
 from services.sensors.lidar.scanner import LidarScanner
-from services.sensors.node import load_lidar, sensor_seed
+from services.sensors.loading import load_lidar, sensor_seed
 from services.sim.node import load_sim
 from shared.geometry import SE3
 from shared.messaging.frames import FrameTree
@@ -75,7 +75,7 @@ def draw_scan(path: Path, config: Config, view: View) -> None:
 
 
 def draw_edge(path: Path) -> None:
-    """A leaning bar of 20 mm before a wall, seen from above: met by beams of no width, and by those of the datasheet."""
+    """A leaning bar of 20 mm before a wall, seen from above: met by beams of no width, and of the datasheet's."""
     figure, panels = _figure(1, 2, (13, 5.5))
     wide = {"exit_m": 0.01, "divergence_deg": 0.18}
     for panel, (title, changes) in zip(
@@ -115,14 +115,14 @@ def draw_depth(path: Path, config: Config, view: View) -> None:
 def _lidar(config: Config, preset: str) -> LidarScanner:
     sensor = config.sensors.lidar
     settings = {"preset": preset, "mode": "1024x10", "frame": sensor.frame, "backend": sensor.backend}
-    return load_lidar(LidarConfig.model_validate(settings), sensor_seed(config, "lidar"))
+    return load_lidar(LidarConfig.model_validate(settings), sensor_seed(config.seed, "lidar"))
 
 
 def _depth_camera(config: Config, preset: str) -> DepthCamera:
     sensor = config.sensors.depth
     settings: dict[str, object] = {"preset": preset, "mode": "1280x720", "frame": sensor.frame}
     settings |= {"backend": sensor.backend, "min_range_m": 0.3, "max_range_m": 3.0}
-    return DepthCamera(DepthConfig.model_validate(settings), sensor_seed(config, "depth"), lambda: False)
+    return DepthCamera(DepthConfig.model_validate(settings), sensor_seed(config.seed, "depth"), lambda: False)
 
 
 def _is_mixed(scan: LidarScan) -> Any:

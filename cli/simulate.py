@@ -15,7 +15,7 @@ from rich.progress import Progress
 from cli.offline import climb_messages
 from services.player.player import Player
 from services.player.trajectory import read_trajectory
-from services.sensors.node import load_lidar, sensor_seed
+from services.sensors.loading import load_lidar, sensor_seed
 from shared.errors import InputFileError
 from shared.files import write_scan, write_tum
 from shared.messaging.frames import FrameTree
@@ -71,7 +71,7 @@ def simulate(config: Config, out: Path, num_scans: int | None, progress: Progres
     frame = config.sensors.lidar.frame
     write_tum(out / "truth.tum", [(each.stamp_ns, FrameTree(each).T_root(frame)) for each in to_scan])
     lidar = config.sensors.lidar.model_copy(update={"truth": True})
-    scanner = load_lidar(lidar, sensor_seed(config, "lidar"))
+    scanner = load_lidar(lidar, sensor_seed(config.seed, "lidar"))
     scanner.set_robot(cast(RobotDescription, climb.descriptions[RobotDescription]))
     scanner.set_structure(cast(StructureDescription, climb.descriptions[StructureDescription]))
     for i, row in enumerate(progress.track(rows, description="scan")):

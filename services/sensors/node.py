@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable
 
 import numpy as np
 
 from services.sensors.depth.camera import DepthCamera
 from services.sensors.imu import InertialUnit
-from services.sensors.lidar.beam_files import read_beams
 from services.sensors.lidar.scanner import LidarScanner
+from services.sensors.loading import load_lidar, sensor_seed, warm_up
 from shared.errors import ConfigError
 from shared.messaging.channels import (
     DEPTH_POINTS,
@@ -23,7 +22,7 @@ from shared.messaging.frames import FrameTree
 from shared.messaging.messages import Message, Transforms
 from shared.runtime.config import Config
 from shared.runtime.node import Context, Node
-from shared.runtime.sensor_config import DepthConfig, LidarConfig
+from shared.runtime.sensor_config import LidarConfig
 
 
 def build_node(name: str, config: Config, context: Context) -> Node:
@@ -35,12 +34,15 @@ def build_node(name: str, config: Config, context: Context) -> Node:
     sensor = config.sensors.named().get(name)
     if sensor is None:
         raise ConfigError([f"sensors: no sensor '{name}'; configured are {', '.join(config.sensors.named())}"])
+    warm_up(sensor)
+    seed = sensor_seed(config.seed, name)
     facade: LidarScanner | DepthCamera
     if isinstance(sensor, LidarConfig):
-        facade = load_lidar(sensor, sensor_seed(config, name), name)
+        facade = load_lidar(sensor, seed, name)
     else:
-        facade = _load_depth(sensor, sensor_seed(config, name), name, context)
-    imu_rng = np.random.default_rng(sensor_seed(config, f"{name}/imu"))
+        points = DEPTH_POINTS.of_sensor(name)
+        facade = DepthCamera(sensor, seed, lambda: context.is_wanted(points), name)  # the runner lends it later
+    imu_rng = np.random.default_rng(sensor_seed(config.seed, f"{name}/imu"))
     imu = InertialUnit(sensor.imu, sensor.frame, imu_rng, config.sim.dynamics.gravity_mps2)
     return Node(
         name=name,
@@ -51,26 +53,6 @@ def build_node(name: str, config: Config, context: Context) -> Node:
         },
         outputs=sensor_channels(name),
     )
-
-
-def load_lidar(sensor: LidarConfig, seed: int, name: str = "lidar") -> LidarScanner:
-    """The LiDAR with its table of beams.
-
-    Raises:
-        InputFileError: the table is not usable.
-    """
-    return LidarScanner(sensor, read_beams(sensor.beams, sensor.num_columns), seed, name)
-
-
-def _load_depth(sensor: DepthConfig, seed: int, name: str, context: Context) -> DepthCamera:
-    points = DEPTH_POINTS.of_sensor(name)
-    return DepthCamera(sensor, seed, lambda: context.is_wanted(points), name)  # the runner lends it later
-
-
-def sensor_seed(config: Config, name: str) -> int:
-    """Of one sensor, from the seed of the whole and its name: no two sensors share their noise."""
-    sequence = np.random.SeedSequence([config.seed, zlib.crc32(name.encode())])
-    return int(sequence.generate_state(1, np.uint64)[0])
 
 
 def _feeding(

@@ -16,8 +16,8 @@ from services.sensors.lidar.footprint import Footprint, sub_rays
 from services.sensors.rays.bodies import Bodies, bodies_of
 from services.sensors.rays.interface import EdgeHits, Hits, Poses
 from services.sensors.rays.lidar_edges import Room, SubRays, edge_columns, room_for, sub_ray_table
-from services.sensors.rays.lidar_moving import scan_columns, column_for
-from services.sensors.rays.lidar_still import scan_still, grid_for
+from services.sensors.rays.lidar_moving import column_for, scan_columns
+from services.sensors.rays.lidar_still import grid_for, scan_still
 from services.sensors.rays.ring_table import RingTable, ring_table
 from services.sensors.scene import Scene
 
