@@ -140,14 +140,14 @@ def _faces_of(scene: Scene) -> _Faces:
         nothing,
     )
     lone = np.repeat(is_lone, sizes)
-    backs = _Planes(
-        body[is_lone],
-        -normals[is_lone],
-        -fronts.offsets_m[is_lone],
-        face[is_lone],
-        sizes[is_lone],
-        fronts.heads[lone],
-        fronts.tails[lone],
+    backs = _Planes(  # from the last to the first, so that each outline runs backwards too
+        body[is_lone][::-1],
+        -normals[is_lone][::-1],
+        -fronts.offsets_m[is_lone][::-1],
+        face[is_lone][::-1],
+        sizes[is_lone][::-1],
+        fronts.heads[lone][::-1],
+        fronts.tails[lone][::-1],
     )
     return _Faces(
         num_bodies=len(first_face),
@@ -171,9 +171,7 @@ def _normals(scene: Scene) -> tuple[Float, NDArray[np.bool_]]:
     return twice_area / np.maximum(length, 1e-300)[:, np.newaxis], length > _MIN_AREA_M2
 
 
-def _without_repeats(
-    vertices_m: Float, body: NDArray[np.int64]
-) -> tuple[Float, NDArray[np.int64], NDArray[np.int64]]:
+def _without_repeats(vertices_m: Float, body: NDArray[np.int64]) -> tuple[Float, NDArray[np.int64], NDArray[np.int64]]:
     """The corners, the body of each, and for every vertex which of its body's corners it is."""
     rows = np.column_stack([body, np.round(vertices_m * 1e9).astype(np.int64)])
     order = np.lexsort(rows.T[::-1])

@@ -6,13 +6,14 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from services.sensors.rays.kernels import kernel, part
 
 Float = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def half_extent_m(half_axes_m: Float, b: int, x: float, y: float, z: float) -> float:
     """How far a box reaches from its centre along a vector."""
     reach = 0.0
@@ -21,14 +22,21 @@ def half_extent_m(half_axes_m: Float, b: int, x: float, y: float, z: float) -> f
     return reach
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@kernel
 def candidates_of(
-    bodies: Any, table: Any, frames: Float, origins_m: Float, reach: tuple[float, float], far_m: float, walls: Any, found: Any
+    bodies: Any,
+    table: Any,
+    frames: Float,
+    origins_m: Float,
+    reach: tuple[float, float],
+    far_m: float,
+    walls: Any,
+    found: Any,
 ) -> int:
     """Writes into `found` the bodies that the columns of these frames may meet, and says how many.
 
     frames (n, 3, 3): outward, left, up as rows; origins_m (n, 3). reach: by how much a beam is wider than a line at
-    its start, and how much it widens with each metre.
+    its start, and how much it widens with each metre. walls (3, 3): room for planes that bound the beams.
     """
     middle = len(frames) // 2
     out, left, up = frames[middle, 0], frames[middle, 1], frames[middle, 2]
@@ -57,7 +65,7 @@ def candidates_of(
     return num
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _turn_and_shift(frames: Float, origins_m: Float, middle: int) -> tuple[float, float]:
     """By how much any axis of any frame differs from the middle one's, and any origin."""
     turn, shift_m = 0.0, 0.0
@@ -68,7 +76,7 @@ def _turn_and_shift(frames: Float, origins_m: Float, middle: int) -> tuple[float
     return math.sqrt(turn), math.sqrt(shift_m)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _is_beyond(walls: Float, half_axes_m: Float, b: int, x: float, y: float, z: float, slack_m: float) -> bool:
     """Whether the box lies wholly on the outer side of a plane through the origin."""
     for i in range(3):
@@ -78,6 +86,6 @@ def _is_beyond(walls: Float, half_axes_m: Float, b: int, x: float, y: float, z: 
     return False
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def _square(a: Float, b: Float) -> float:
+@part
+def _square(a: Float, b: Float) -> Any:
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2

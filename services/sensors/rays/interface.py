@@ -47,7 +47,7 @@ class Poses:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeHits:
-    """What the sub-rays (see `lidar.footprint`) of those beams met that do not all meet one surface.
+    """What the sub-rays (see `lidar.footprint`) met of those beams whose sub-rays do not all meet one surface.
 
     A convex shape is one surface: where two of its faces join, ranges do not jump. Of other shapes all faces in a plane
     are one.
@@ -72,7 +72,7 @@ class RayBackend(Protocol):
         """The first hits between `near_m` and `far_m` along each beam."""
 
     def edges(self, beams: Beams, poses: Poses, near_m: float, far_m: float, footprint: Footprint) -> EdgeHits:
-        """The sub-rays near edges, of the beams of the last `scan`, which had the same arguments."""
+        """The sub-rays of the beams that the last `scan` cast, with the same arguments, where an edge is near."""
 
     def image(self, camera: Pinhole, poses: Poses, near_m: float, far_m: float) -> Hits:
-        """The first hits between the depths `near_m` and `far_m` through each pixel; the next call may overwrite them."""
+        """The first hits between the depths `near_m` and `far_m` through each pixel; valid until the next call."""

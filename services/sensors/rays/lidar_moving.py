@@ -6,19 +6,21 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from services.sensors.rays.bodies import Bodies
 from services.sensors.rays.culling import candidates_of, half_extent_m
+from services.sensors.rays.kernels import finite_loop, kernel, loop, part
 from services.sensors.rays.sections import cut, rings_between, seen_from
 
 Float = NDArray[np.float64]
 
-_BLOCK = 16
+_BLOCK = 8
 """Columns that share a list of candidates."""
 _MARGIN = 1e-6
 """Rings that look so near the border of what surely fills a group's width are tested one by one."""
 _TOLERANCE = 2e-7
+"""Faces reach beyond their edges by this angle where each ring is tested."""
 _ASIDE, _ACROSS, _INSIDE = 0, 1, 2
 _MIN_DISTANCE_M = 1e-9
 """A face whose plane the beams begin in is not met."""
@@ -28,28 +30,39 @@ class Column(NamedTuple):
     """What is known of the column at hand.
 
     nearest (R,): 1 / range of each ring in the table's order, and plane (R,) it is on, -1 for none. distance_m (P,): of
-    the beams' origin from each plane. corners (3, n): of a body, as `seen_from`; seen (5, n): the same, turned to a
-    group of rings, see `wedge`.
+    the beams' origin from each plane; height_m (P,): its amount, where it counts. corners (3, n): of a body, as
+    `seen_from`; seen (5, n): the same, turned to a group of rings, see `cut`. clearance (R,): see `_clear_edges`.
+    walls (3, 3): see `candidates_of`.
     """
 
     nearest: NDArray[np.float32]
     plane: NDArray[np.int32]
     distance_m: Float
-    height_m: Any
+    height_m: NDArray[np.float32]
     corners: Float
     seen: Float
-    clearance: Any
+    clearance: NDArray[np.float32]
     walls: Float
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@kernel
 def scan_columns(
-    bodies: Any, table: Any, frames: Float, origins_m: Float, near_m: float, far_m: float, hits: Any, column: Any, found: Any
+    bodies: Any,
+    table: Any,
+    frames: Float,
+    origins_m: Float,
+    near_m: float,
+    far_m: float,
+    hits: Any,
+    column: Any,
+    found: Any,
 ) -> None:
     """Writes range_m, face, cos_incidence (C, R), the arrays of `hits`, of C columns with these frames and origins."""
     for first in range(0, len(frames), _BLOCK):
         last = min(first + _BLOCK, len(frames))
-        num_found = candidates_of(bodies, table, frames[first:last], origins_m[first:last], (0.0, 0.0), far_m, column.walls, found)
+        num_found = candidates_of(
+            bodies, table, frames[first:last], origins_m[first:last], (0.0, 0.0), far_m, column.walls, found
+        )
         for c in range(first, last):
             column.nearest[:] = 1 / far_m
             column.plane[:] = -1
@@ -58,7 +71,8 @@ def scan_columns(
             _write(bodies, table, column, c, hits[0], hits[1], hits[2])
 
 
-def column_for(bodies: Any, num_rings: int) -> Column:
+def column_for(bodies: Bodies, num_rings: int) -> Column:
+    """Room for a column of so many rings."""
     num_corners = int(np.diff(bodies.corner_start).max(initial=0))
     return Column(
         np.empty(num_rings, np.float32),
@@ -72,8 +86,8 @@ def column_for(bodies: Any, num_rings: int) -> Column:
     )
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def is_aside(bodies: Any, b: int, frames: Float, origins_m: Float, c: int, turn: float, width_m: float) -> bool:
+@part
+def is_aside(bodies: Any, b: int, frames: Float, origins_m: Float, c: int, turn: float, width_m: float) -> Any:
     """Whether a body's box stays out of the column's wedge: of half width `width_m`, widened by the angle `turn`."""
     x, y = bodies.centres_m[0, b] - origins_m[c, 0], bodies.centres_m[1, b] - origins_m[c, 1]
     z = bodies.centres_m[2, b] - origins_m[c, 2]
@@ -83,7 +97,7 @@ def is_aside(bodies: Any, b: int, frames: Float, origins_m: Float, c: int, turn:
     return aside_m > half_extent_m(bodies.half_axes_m, b, frames[c, 1, 0], frames[c, 1, 1], frames[c, 1, 2])
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz", "nnan"})
+@finite_loop
 def distance_to_planes(bodies: Any, b: int, origins_m: Float, c: int, distance_m: Float) -> float:
     """Writes how far the origin is before each plane of a body; the largest: it is no nearer than that."""
     x, y, z = origins_m[c, 0], origins_m[c, 1], origins_m[c, 2]
@@ -95,7 +109,7 @@ def distance_to_planes(bodies: Any, b: int, origins_m: Float, c: int, distance_m
     return largest_m
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz", "nnan"})
+@finite_loop
 def turn_to_group(corners: Float, num: int, cos: float, sin: float, seen: Float) -> tuple[float, float]:
     """Writes a body's corners as seen along a group's azimuth; the extremes of `left` of the first `num`."""
     least, most = 1e300, -1e300
@@ -107,7 +121,7 @@ def turn_to_group(corners: Float, num: int, cos: float, sin: float, seen: Float)
     return least, most
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _draw_body(
     bodies: Any, b: int, table: Any, frames: Float, origins_m: Float, c: int, near_m: float, column: Column
 ) -> None:
@@ -133,7 +147,7 @@ def _draw_body(
                 _draw_narrow(bodies, p, table, g, frames, c, near_m, column)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _distance2(bodies: Any, b: int, origins_m: Float, c: int) -> float:
     square_m2 = 0.0
     for i in range(3):
@@ -141,7 +155,7 @@ def _distance2(bodies: Any, b: int, origins_m: Float, c: int) -> float:
     return square_m2
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _draw_narrow(bodies: Any, p: int, table: Any, g: int, frames: Float, c: int, near_m: float, column: Column) -> None:
     """Draws a face into rings of one azimuth."""
     outline = bodies.outline_start[p], bodies.outline_start[p + 1]
@@ -151,7 +165,7 @@ def _draw_narrow(bodies: Any, p: int, table: Any, g: int, frames: Float, c: int,
         _fill(bodies, p, table, frames, c, near_m, column, first, last)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _draw_wide(
     bodies: Any, b: int, p: int, table: Any, g: int, frames: Float, c: int, near_m: float, column: Column
 ) -> None:
@@ -166,7 +180,9 @@ def _draw_wide(
         low_margin, high_margin = slope_low * table.spread[g] + _MARGIN, slope_high * table.spread[g] + _MARGIN
         low, high, inner_low, inner_high = low - low_margin, high + high_margin, low + low_margin, high - high_margin
     else:
-        low, high, inner_low, inner_high = _face_in_wedge(column.seen, table.spread[g], tails, heads, first_edge, last_edge)
+        low, high, inner_low, inner_high = _face_in_wedge(
+            column.seen, table.spread[g], tails, heads, first_edge, last_edge
+        )
     first, last = rings_between(table, g, low, high)
     inner_first, inner_last = first, last
     while inner_first < last and table.tangent[inner_first] > inner_high:
@@ -181,7 +197,7 @@ def _draw_wide(
             _fill_clear(bodies, p, table, frames, c, near_m, column, start, end)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _side_of_wedge(seen: Float, spread: float, tails: Any, first: int, last: int) -> int:
     """Whether an outline lies aside of a wedge, across it with all corners outside, or has corners inside."""
     num_left = num_right = 0
@@ -194,7 +210,7 @@ def _side_of_wedge(seen: Float, spread: float, tails: Any, first: int, last: int
     return _ACROSS if num_left + num_right == last - first else _INSIDE
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _face_in_wedge(seen: Float, spread: float, tails: Any, heads: Any, first: int, last: int) -> Any:
     """`wedge` of one face: `seen` holds the body's corners, of which the face has some."""
     low, high = math.inf, -math.inf
@@ -217,7 +233,7 @@ def _face_in_wedge(seen: Float, spread: float, tails: Any, heads: Any, first: in
     )
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _clear_edges(bodies: Any, p: int, table: Any, column: Column, first: int, last: int) -> None:
     """Writes by how much rays of these rings pass within the outline of a face, seen from the column's origin."""
     corners, clearance, direction = column.corners, column.clearance, table.direction
@@ -236,7 +252,7 @@ def _clear_edges(bodies: Any, p: int, table: Any, column: Column, first: int, la
             clearance[k] = inside if inside < clearance[k] else clearance[k]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _inverse_ranges(bodies: Any, p: int, frames: Float, c: int, column: Column) -> Any:
     """q with 1 / range = q @ direction, seen from the column."""
     x, y, z = bodies.normals[0, p], bodies.normals[1, p], bodies.normals[2, p]
@@ -249,7 +265,7 @@ def _inverse_ranges(bodies: Any, p: int, frames: Float, c: int, column: Column) 
     )
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _fill(
     bodies: Any, p: int, table: Any, frames: Float, c: int, near_m: float, column: Column, first: int, last: int
 ) -> None:
@@ -264,7 +280,7 @@ def _fill(
         plane[i] = np.int32(p) if is_nearer else plane[i]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _fill_clear(
     bodies: Any, p: int, table: Any, frames: Float, c: int, near_m: float, column: Column, first: int, last: int
 ) -> None:
@@ -280,7 +296,7 @@ def _fill_clear(
         plane[i] = np.int32(p) if is_nearer else plane[i]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _write(bodies: Any, table: Any, column: Column, c: int, range_m: Any, face: Any, cos_incidence: Any) -> None:
     for r in range(len(table.place)):
         i = table.place[r]
