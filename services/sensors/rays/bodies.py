@@ -171,9 +171,7 @@ def _normals(scene: Scene) -> tuple[Float, NDArray[np.bool_]]:
     return twice_area / np.maximum(length, 1e-300)[:, np.newaxis], length > _MIN_AREA_M2
 
 
-def _without_repeats(
-    vertices_m: Float, body: NDArray[np.int64]
-) -> tuple[Float, NDArray[np.int64], NDArray[np.int64]]:
+def _without_repeats(vertices_m: Float, body: NDArray[np.int64]) -> tuple[Float, NDArray[np.int64], NDArray[np.int64]]:
     """The corners, the body of each, and for every vertex which of its body's corners it is."""
     rows = np.column_stack([body, np.round(vertices_m * 1e9).astype(np.int64)])
     order = np.lexsort(rows.T[::-1])

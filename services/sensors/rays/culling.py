@@ -23,12 +23,19 @@ def half_extent_m(half_axes_m: Float, b: int, x: float, y: float, z: float) -> f
 
 @njit(cache=True, error_model="numpy", _nrt=False)
 def candidates_of(
-    bodies: Any, table: Any, frames: Float, origins_m: Float, reach: tuple[float, float], far_m: float, walls: Any, found: Any
+    bodies: Any,
+    table: Any,
+    frames: Float,
+    origins_m: Float,
+    reach: tuple[float, float],
+    far_m: float,
+    walls: Any,
+    found: Any,
 ) -> int:
     """Writes into `found` the bodies that the columns of these frames may meet, and says how many.
 
     frames (n, 3, 3): outward, left, up as rows; origins_m (n, 3). reach: by how much a beam is wider than a line at
-    its start, and how much it widens with each metre.
+    its start, and how much it widens with each metre. walls (3, 3): room for planes that bound the beams.
     """
     middle = len(frames) // 2
     out, left, up = frames[middle, 0], frames[middle, 1], frames[middle, 2]

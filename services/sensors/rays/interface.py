@@ -47,7 +47,7 @@ class Poses:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeHits:
-    """What the sub-rays (see `lidar.footprint`) of those beams met that do not all meet one surface.
+    """What the sub-rays (see `lidar.footprint`) met of those beams whose sub-rays do not all meet one surface.
 
     A convex shape is one surface: where two of its faces join, ranges do not jump. Of other shapes all faces in a plane
     are one.

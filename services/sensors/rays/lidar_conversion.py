@@ -7,19 +7,24 @@ Nothing falls between grid points, and moving parts cost nothing extra.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from services.sensors.lidar.beams import Beams
+from services.sensors.lidar.beams import Beams, uniform_beams
 from services.sensors.lidar.footprint import Footprint, sub_rays
 from services.sensors.rays.bodies import Bodies, bodies_of
 from services.sensors.rays.interface import EdgeHits, Hits, Poses
 from services.sensors.rays.lidar_edges import Room, SubRays, edge_columns, room_for, sub_ray_table
-from services.sensors.rays.lidar_moving import scan_columns, column_for
-from services.sensors.rays.lidar_still import scan_still, grid_for
+from services.sensors.rays.lidar_moving import Column, column_for, scan_columns
+from services.sensors.rays.lidar_still import grid_for, scan_still
 from services.sensors.rays.ring_table import RingTable, ring_table
-from services.sensors.scene import Scene
+from services.sensors.scene import Scene, scene_of
+from shared.geometry import SE3
+from shared.robot.description import Shape
+from shared.solids import Box
 
 Float = NDArray[np.float64]
 
@@ -58,13 +63,14 @@ class LidarConversion:
         if _is_even(beams, poses, table):
             bodies = self._placed.at(poses, 0)
             frame, origin_m = _axes(beams, poses)
-            scan_still(bodies, table, frame, origin_m, near_m, far_m, float(beams.azimuth_rad[0]), arrays, grid_for(bodies, table, arrays, float(beams.azimuth_rad[0])), np.empty(len(bodies.face)), np.empty(len(bodies.face)+1,np.int32), np.empty(len(bodies.face)+1,np.float32))
+            room = grid_for(bodies, table, beams.num_columns, float(beams.azimuth_rad[0]))
+            scan_still(bodies, table, frame, origin_m, near_m, far_m, arrays, room)
             return hits
         frames, origins_m = column_frames(beams, poses)
-        column, found = column_for(self._placed.own, len(table.ring)), np.empty(len(self._placed.own.radii_m), np.int32)
+        column, found = self._column_for(table)
         for block, columns in _blocks(beams, poses):
             bodies = self._placed.at(poses, block)
-            part = tuple(array[columns] for array in arrays)
+            part = hits.range_m[columns], hits.face[columns], hits.cos_incidence[columns]
             scan_columns(bodies, table, frames[columns], origins_m[columns], near_m, far_m, part, column, found)
         return hits
 
@@ -77,9 +83,9 @@ class LidarConversion:
             self.scan(beams, poses, near_m, far_m)
         assert self._last is not None
         rays = self._sub_rays_of(beams, footprint)
-        bodies, num = self._placed.own, 0
+        num = 0
         room = self._room_for(table, self._last.face.size)
-        column, found = column_for(bodies, len(table.ring)), np.empty(len(bodies.radii_m), np.int32)
+        column, found = self._column_for(table)
         frames, origins_m = column_frames(beams, poses)
         for block, columns in _blocks(beams, poses):
             bodies = self._placed.at(poses, block)
@@ -101,6 +107,10 @@ class LidarConversion:
         return EdgeHits(
             room.cells[:num].copy(), room.range_m[:num].copy(), room.face[:num].copy(), room.cos_incidence[:num].copy()
         )
+
+    def _column_for(self, table: RingTable) -> tuple[Column, NDArray[np.int32]]:
+        """Room for a column, and for the numbers of the bodies that it may meet."""
+        return column_for(self._placed.own, len(table.ring)), np.empty(len(self._placed.own.radii_m), np.int32)
 
     def _room_for(self, table: RingTable, num_cells: int) -> Room:
         if self._room is None or len(self._room.cells) != num_cells:
@@ -218,7 +228,7 @@ def _blocks(beams: Beams, poses: Poses) -> list[tuple[int, slice]]:
     """Numbers of the blocks of columns that have any, and which columns those are."""
     num_blocks = len(poses.link_rotation)
     starts = [-(-block * beams.num_columns // num_blocks) for block in range(num_blocks + 1)]
-    return [(block, slice(a, b)) for block, (a, b) in enumerate(zip(starts, starts[1:], strict=False)) if a < b]
+    return [(block, slice(a, b)) for block, (a, b) in enumerate(pairwise(starts)) if a < b]
 
 
 def _no_hits(num_columns: int, num_rings: int) -> Hits:
@@ -228,4 +238,18 @@ def _no_hits(num_columns: int, num_rings: int) -> Hits:
 
 def _no_edges() -> EdgeHits:
     shape = 0, len(sub_rays())
-    return EdgeHits(np.empty(0, np.int64), np.empty(shape, np.float32), np.empty(shape, np.int32), np.empty(shape, np.float32))
+    return EdgeHits(
+        np.empty(0, np.int64), np.empty(shape, np.float32), np.empty(shape, np.int32), np.empty(shape, np.float32)
+    )
+
+
+def compile_kernels() -> None:
+    """Compiles what scans and edges need, by a tiny one of each kind; numba keeps the result for later processes."""
+    scene = scene_of([Shape("world", Box((1.0, 1.0, 1.0)), SE3.trans(3.0))])
+    still = Poses(np.eye(3)[np.newaxis], np.zeros((1, 3)), np.eye(3)[np.newaxis, np.newaxis], np.zeros((1, 1, 3)))
+    conversion = LidarConversion()
+    conversion.set_scene(scene)
+    conversion.scan(uniform_beams(2, 1.0, -1.0, 8), still, 0.1, 10.0)
+    staggered = Beams(np.array([0.1, 0.0]), np.array([0.001, 0.0]), 0.01, SE3.identity(), 8)
+    conversion.scan(staggered, still, 0.1, 10.0)
+    conversion.edges(staggered, still, 0.1, 10.0, Footprint(0.01, 0.003))

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from services.sensors.rays.bodies import Bodies
 from services.sensors.rays.culling import candidates_of, half_extent_m
 from services.sensors.rays.sections import cut, rings_between, seen_from
 
@@ -19,6 +20,7 @@ _BLOCK = 16
 _MARGIN = 1e-6
 """Rings that look so near the border of what surely fills a group's width are tested one by one."""
 _TOLERANCE = 2e-7
+"""Faces reach beyond their edges by this angle where each ring is tested."""
 _ASIDE, _ACROSS, _INSIDE = 0, 1, 2
 _MIN_DISTANCE_M = 1e-9
 """A face whose plane the beams begin in is not met."""
@@ -28,28 +30,39 @@ class Column(NamedTuple):
     """What is known of the column at hand.
 
     nearest (R,): 1 / range of each ring in the table's order, and plane (R,) it is on, -1 for none. distance_m (P,): of
-    the beams' origin from each plane. corners (3, n): of a body, as `seen_from`; seen (5, n): the same, turned to a
-    group of rings, see `wedge`.
+    the beams' origin from each plane; height_m (P,): its amount, where it counts. corners (3, n): of a body, as
+    `seen_from`; seen (5, n): the same, turned to a group of rings, see `cut`. clearance (R,): see `_clear_edges`.
+    walls (3, 3): see `candidates_of`.
     """
 
     nearest: NDArray[np.float32]
     plane: NDArray[np.int32]
     distance_m: Float
-    height_m: Any
+    height_m: NDArray[np.float32]
     corners: Float
     seen: Float
-    clearance: Any
+    clearance: NDArray[np.float32]
     walls: Float
 
 
 @njit(cache=True, error_model="numpy", _nrt=False)
 def scan_columns(
-    bodies: Any, table: Any, frames: Float, origins_m: Float, near_m: float, far_m: float, hits: Any, column: Any, found: Any
+    bodies: Any,
+    table: Any,
+    frames: Float,
+    origins_m: Float,
+    near_m: float,
+    far_m: float,
+    hits: Any,
+    column: Any,
+    found: Any,
 ) -> None:
     """Writes range_m, face, cos_incidence (C, R), the arrays of `hits`, of C columns with these frames and origins."""
     for first in range(0, len(frames), _BLOCK):
         last = min(first + _BLOCK, len(frames))
-        num_found = candidates_of(bodies, table, frames[first:last], origins_m[first:last], (0.0, 0.0), far_m, column.walls, found)
+        num_found = candidates_of(
+            bodies, table, frames[first:last], origins_m[first:last], (0.0, 0.0), far_m, column.walls, found
+        )
         for c in range(first, last):
             column.nearest[:] = 1 / far_m
             column.plane[:] = -1
@@ -58,7 +71,8 @@ def scan_columns(
             _write(bodies, table, column, c, hits[0], hits[1], hits[2])
 
 
-def column_for(bodies: Any, num_rings: int) -> Column:
+def column_for(bodies: Bodies, num_rings: int) -> Column:
+    """Room for a column of so many rings."""
     num_corners = int(np.diff(bodies.corner_start).max(initial=0))
     return Column(
         np.empty(num_rings, np.float32),
@@ -166,7 +180,9 @@ def _draw_wide(
         low_margin, high_margin = slope_low * table.spread[g] + _MARGIN, slope_high * table.spread[g] + _MARGIN
         low, high, inner_low, inner_high = low - low_margin, high + high_margin, low + low_margin, high - high_margin
     else:
-        low, high, inner_low, inner_high = _face_in_wedge(column.seen, table.spread[g], tails, heads, first_edge, last_edge)
+        low, high, inner_low, inner_high = _face_in_wedge(
+            column.seen, table.spread[g], tails, heads, first_edge, last_edge
+        )
     first, last = rings_between(table, g, low, high)
     inner_first, inner_last = first, last
     while inner_first < last and table.tangent[inner_first] > inner_high:

@@ -13,7 +13,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from services.sensors.rays.bodies import Bodies
 from services.sensors.rays.lidar_moving import distance_to_planes, turn_to_group
+from services.sensors.rays.ring_table import RingTable
 from services.sensors.rays.sections import cut, rings_between, seen_from
 
 Float = NDArray[np.float64]
@@ -26,73 +28,79 @@ _MIN_DISTANCE_M = 1e-9
 """A face whose plane the sensor is in is not met."""
 
 
-class _Grid(NamedTuple):
-    """What is drawn into, and room to work in.
+class Grid(NamedTuple):
+    """What is drawn on, and room to work in.
 
-    nearest, plane (C, R): 1 / range and the plane it is on, -1 for none. cos, sin (2 C,): of the columns' azimuths, two
-    turns long. flat, rise (R,): of the rings' directions. corners (3, n), seen (5, n): of the body at hand. column (n,):
-    where the axis sees each corner, in columns. unwound (m + 1,): the same along an outline, without jumps. low, high
-    (C,): elevations between which a face lies in each column.
+    first_rad: azimuth of column 0. cos, sin (2 C,): of the columns' azimuths, two turns long. flat, rise (R,): of the
+    rings' directions. distance_m (P,): of the beams' origin from each plane. corners (3, n), seen (5, n): of the body
+    at hand. column (n,): where the axis sees each corner, in columns. unwound (m + 1,): the same along an outline,
+    without jumps. low, high (C,): elevations between which a face lies in each column. face, height_m (P + 1,): what
+    the rays get, by plane, the first for those that meet none.
     """
 
-    nearest: NDArray[np.float32]
-    plane: NDArray[np.int32]
+    first_rad: float
     cos: Float
     sin: Float
     flat: NDArray[np.float32]
     rise: NDArray[np.float32]
+    distance_m: Float
     corners: Float
     seen: Float
     column: Float
     unwound: Float
     low: Float
     high: Float
+    face: NDArray[np.int32]
+    height_m: NDArray[np.float32]
 
 
 @njit(cache=True, error_model="numpy", _nrt=False)
 def scan_still(
-    bodies: Any, table: Any, frame: Float, origin_m: Float, near_m: float, far_m: float, first_rad: float, hits: Any, grid: Any, distance_m: Any, face: Any, height_m: Any
+    bodies: Any, table: Any, frame: Float, origin_m: Float, near_m: float, far_m: float, hits: Any, grid: Any
 ) -> None:
     """Writes range_m, face, cos_incidence (C, R), the arrays of `hits`; table: of one group without spread.
 
-    frame (3, 3): the axes in which the beams turn, as rows. first_rad: azimuth of column 0; they go clockwise.
+    frame (3, 3): the axes in which the beams turn, as rows.
     """
     frames, origins_m = frame.reshape(1, 3, 3), origin_m.reshape(1, 3)
-    grid.nearest[:] = 1 / far_m
-    grid.plane[:] = -1
+    nearest, plane = hits[0], hits[1]
+    nearest[:] = 1 / far_m
+    plane[:] = -1
     for b in range(len(bodies.radii_m)):
         if _is_out_of_view(bodies, b, table, frame, origin_m, far_m):
             continue
-        is_outside = distance_to_planes(bodies, b, origins_m, 0, distance_m) > near_m
+        is_outside = distance_to_planes(bodies, b, origins_m, 0, grid.distance_m) > near_m
         start, end = bodies.corner_start[b], bodies.corner_start[b + 1]
         seen_from(bodies.corners_m, start, end, frames, origins_m, 0, grid.corners)
         for i in range(end - start):
             azimuth = math.atan2(grid.corners[1, i], grid.corners[0, i])
-            grid.column[i] = (first_rad - azimuth) * len(grid.low) / (2 * math.pi)
+            grid.column[i] = (grid.first_rad - azimuth) * len(grid.low) / (2 * math.pi)
         for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
-            if abs(distance_m[p]) >= _MIN_DISTANCE_M and not (is_outside and distance_m[p] < 0):
-                _draw_face(bodies, b, p, table, frame, distance_m[p], near_m, grid)
-    _finish(bodies, distance_m, grid.nearest.reshape(-1), grid.plane.reshape(-1), hits[2].reshape(-1), face, height_m)
+            distance_m = grid.distance_m[p]
+            if abs(distance_m) >= _MIN_DISTANCE_M and not (is_outside and distance_m < 0):
+                _draw_face(bodies, b, p, table, frame, distance_m, near_m, nearest, plane, grid)
+    _finish(bodies, nearest.reshape(-1), plane.reshape(-1), hits[2].reshape(-1), grid)
 
 
-def grid_for(bodies: Any, table: Any, hits: Any, first_rad: float) -> _Grid:
-    num_columns = len(hits[0])
-    num_corners = np.max(np.diff(bodies.corner_start)) if len(bodies.radii_m) else 0
-    num_edges = np.max(np.diff(bodies.outline_start)) if len(bodies.face) else 0
+def grid_for(bodies: Bodies, table: RingTable, num_columns: int, first_rad: float) -> Grid:
+    """Room for scans of so many columns. first_rad: azimuth of column 0; they go clockwise."""
+    num_corners = int(np.diff(bodies.corner_start).max(initial=0))
     azimuth = first_rad - 2 * math.pi / num_columns * np.arange(2 * num_columns)
-    return _Grid(
-        hits[0],
-        hits[1],
+    return Grid(
+        first_rad,
         np.cos(azimuth),
         np.sin(azimuth),
         np.hypot(table.direction[0], table.direction[1]),
         table.direction[2],
+        np.empty(len(bodies.face)),
         np.empty((3, num_corners)),
         np.empty((5, num_corners)),
         np.empty(num_corners),
-        np.empty(num_edges + 1),
+        np.empty(int(np.diff(bodies.outline_start).max(initial=0)) + 1),
         np.empty(num_columns),
         np.empty(num_columns),
+        np.empty(len(bodies.face) + 1, np.int32),
+        np.empty(len(bodies.face) + 1, np.float32),
     )
 
 
@@ -113,7 +121,16 @@ def _is_out_of_view(bodies: Any, b: int, table: Any, frame: Float, origin_m: Flo
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def _draw_face(
-    bodies: Any, b: int, p: int, table: Any, frame: Float, distance_m: float, near_m: float, grid: _Grid
+    bodies: Any,
+    b: int,
+    p: int,
+    table: Any,
+    frame: Float,
+    distance_m: float,
+    near_m: float,
+    nearest: Any,
+    plane: Any,
+    grid: Grid,
 ) -> None:
     outline = bodies.outline_start[p], bodies.outline_start[p + 1]
     if outline[0] == outline[1]:
@@ -134,7 +151,7 @@ def _draw_face(
             c = first + k
             a = np.float32(q_x * grid.cos[c] + q_y * grid.sin[c])
             c -= len(grid.low) if c >= len(grid.low) else 0
-            _fill(grid.nearest[c], grid.plane[c], grid.flat, grid.rise, a, np.float32(q_z), largest, p, low, high)
+            _fill(nearest[c], plane[c], grid.flat, grid.rise, a, np.float32(q_z), largest, p, low, high)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
@@ -150,8 +167,8 @@ def _inverse_ranges(frame: Float, normal: Float, distance_m: float) -> tuple[flo
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def _unwind(tails: Any, first: int, last: int, grid: _Grid) -> tuple[float, float, bool]:
-    """Writes where the corners of an outline are seen, in columns without jumps; least, most, and whether it is wide."""
+def _unwind(tails: Any, first: int, last: int, grid: Grid) -> tuple[float, float, bool]:
+    """Writes where an outline's corners are seen, in columns without jumps; least, most, and whether it is wide."""
     num_columns = len(grid.low)
     here = least = most = grid.column[tails[first]]
     grid.unwound[0] = here
@@ -167,7 +184,7 @@ def _unwind(tails: Any, first: int, last: int, grid: _Grid) -> tuple[float, floa
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def _cut_columns(bodies: Any, b: int, first: int, last: int, grid: _Grid) -> None:
+def _cut_columns(bodies: Any, b: int, first: int, last: int, grid: Grid) -> None:
     num = bodies.corner_start[b + 1] - bodies.corner_start[b]
     seen = grid.seen
     for c in range(len(grid.low)):
@@ -176,7 +193,7 @@ def _cut_columns(bodies: Any, b: int, first: int, last: int, grid: _Grid) -> Non
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def _cut_edges(bodies: Any, first: int, last: int, shift: int, first_column: int, num: int, grid: _Grid) -> None:
+def _cut_edges(bodies: Any, first: int, last: int, shift: int, first_column: int, num: int, grid: Grid) -> None:
     """Writes low and high of `num` columns; `shift` leads from unwound columns to those of cos and sin."""
     grid.low[:num] = np.inf
     grid.high[:num] = -np.inf
@@ -215,13 +232,12 @@ def _fill(
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
-def _finish(bodies: Any, distance_m: Float, nearest: Any, plane: Any, cos_incidence: Any, face: Any, height_m: Any) -> None:
+def _finish(bodies: Any, nearest: Any, plane: Any, cos_incidence: Any, grid: Grid) -> None:
     """Turns inverses into ranges, and planes into faces."""
-    face[0] = -1
-    height_m[0] = 0
-    for p in range(len(distance_m)):
-        face[p + 1] = bodies.face[p]
-        height_m[p + 1] = abs(distance_m[p])
+    face, height_m = grid.face, grid.height_m
+    face[0], height_m[0] = -1, 0
+    for p in range(len(grid.distance_m)):
+        face[p + 1], height_m[p + 1] = bodies.face[p], abs(grid.distance_m[p])
     for i in range(len(nearest)):
         k, inverse = plane[i] + 1, nearest[i]
         cosine = height_m[k] * inverse

@@ -18,12 +18,12 @@ _NUM_BINS = 1024
 
 
 class RingTable(NamedTuple):
-    """R rings in G groups: ring[i] is the number of the i-th and place[ring[i]] is i; those of group g from start[g] to start[g + 1].
+    """R rings in G groups: ring[i] is the number of the i-th, and place[ring[i]] is i.
 
-    tangent (R,): of the elevations, falling within a group. direction (3, R): unit vectors outward, to the left and up,
-    seen along the encoder. cos, sin (G,): of the groups' mean azimuth. spread (G,): tangent of the largest deviation
-    from it. widest_rad: the largest azimuth. bins (G, _NUM_BINS): the first ring whose tangent is below that of a bin,
-    which is tangent_top[g] - i / bins_per_tangent[g].
+    Those of group g go from start[g] to start[g + 1]. tangent (R,): of the elevations, falling within a group.
+    direction (3, R): unit vectors outward, to the left and up, seen along the encoder. cos, sin (G,): of the groups'
+    middle azimuths. spread (G,): tangent of the largest deviation from them. widest_rad: the largest azimuth. bins
+    (G, n): the first ring at or below an elevation of tangent tangent_top[g] - i / bins_per_tangent[g].
     """
 
     ring: NDArray[np.int32]
@@ -60,7 +60,7 @@ def ring_table(beams: Beams) -> RingTable:
     tops = tangent[start[:-1]]
     per_tangent = (_NUM_BINS - 1) / np.maximum(tops - tangent[start[1:] - 1], 1e-9)
     edges = tops[:, np.newaxis] - np.arange(_NUM_BINS) / per_tangent[:, np.newaxis]
-    bins = [a + np.searchsorted(-tangent[a:b], -edge) for a, b, edge in zip(start, start[1:], edges, strict=False)]
+    bins = [a + np.searchsorted(-tangent[a:b], -edge) for a, b, edge in zip(start[:-1], start[1:], edges, strict=True)]
     flat, own = np.cos(elevation[ring]), azimuth[ring]
     return RingTable(
         ring=ring.astype(np.int32),

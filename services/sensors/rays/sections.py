@@ -32,8 +32,9 @@ def seen_from(corners_m: Float, first: int, last: int, frames: Float, origins_m:
 
 @njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
 def cut(seen: Float, left: int, tails: Ints, heads: Ints, first: int, last: int) -> Any:
-    """Between which elevations the half-plane seen[left] = 0 cuts a convex polygon, exactly; (inf, -inf) if not at all.
+    """Between which elevations the half-plane seen[left] = 0 cuts a convex polygon; (inf, -inf) if not at all.
 
+    Also by how much these two change with the azimuth.
     seen (5, n): of each corner outward, left and up, and two rows of other distances to the left.
     """
     num = 0
