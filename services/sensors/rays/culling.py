@@ -6,13 +6,14 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from services.sensors.rays.kernels import kernel, part
 
 Float = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def half_extent_m(half_axes_m: Float, b: int, x: float, y: float, z: float) -> float:
     """How far a box reaches from its centre along a vector."""
     reach = 0.0
@@ -21,7 +22,7 @@ def half_extent_m(half_axes_m: Float, b: int, x: float, y: float, z: float) -> f
     return reach
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@kernel
 def candidates_of(
     bodies: Any,
     table: Any,
@@ -64,7 +65,7 @@ def candidates_of(
     return num
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _turn_and_shift(frames: Float, origins_m: Float, middle: int) -> tuple[float, float]:
     """By how much any axis of any frame differs from the middle one's, and any origin."""
     turn, shift_m = 0.0, 0.0
@@ -75,7 +76,7 @@ def _turn_and_shift(frames: Float, origins_m: Float, middle: int) -> tuple[float
     return math.sqrt(turn), math.sqrt(shift_m)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _is_beyond(walls: Float, half_axes_m: Float, b: int, x: float, y: float, z: float, slack_m: float) -> bool:
     """Whether the box lies wholly on the outer side of a plane through the origin."""
     for i in range(3):
@@ -85,6 +86,6 @@ def _is_beyond(walls: Float, half_axes_m: Float, b: int, x: float, y: float, z: 
     return False
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def _square(a: Float, b: Float) -> float:
+@part
+def _square(a: Float, b: Float) -> Any:
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2

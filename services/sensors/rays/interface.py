@@ -72,7 +72,7 @@ class RayBackend(Protocol):
         """The first hits between `near_m` and `far_m` along each beam."""
 
     def edges(self, beams: Beams, poses: Poses, near_m: float, far_m: float, footprint: Footprint) -> EdgeHits:
-        """The sub-rays of the beams that were cast by the last `scan`, with the same arguments, where an edge is near."""
+        """The sub-rays of the beams that the last `scan` cast, with the same arguments, where an edge is near."""
 
     def image(self, camera: Pinhole, poses: Poses, near_m: float, far_m: float) -> Hits:
         """The first hits between the depths `near_m` and `far_m` through each pixel."""

@@ -10,13 +10,13 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from services.sensors.lidar.beams import Beams, uniform_beams
 from services.sensors.lidar.footprint import Footprint, sub_rays
 from services.sensors.rays.bodies import Bodies, bodies_of
 from services.sensors.rays.interface import EdgeHits, Hits, Poses
+from services.sensors.rays.kernels import kernel
 from services.sensors.rays.lidar_edges import Room, SubRays, edge_columns, room_for, sub_ray_table
 from services.sensors.rays.lidar_moving import Column, column_for, scan_columns
 from services.sensors.rays.lidar_still import grid_for, scan_still
@@ -158,16 +158,16 @@ class _Placed:
 
     def at(self, poses: Poses, block: int) -> Bodies:
         num_links = len(self._rotation)
-        rotation = poses.link_rotation[block][:num_links]
-        translation_m = poses.link_translation_m[block][:num_links]
+        rotation = np.array(poses.link_rotation[block][:num_links], dtype=np.float64)
+        translation_m = np.array(poses.link_translation_m[block][:num_links], dtype=np.float64)
         has_moved = (rotation != self._rotation).any(axis=(1, 2)) | (translation_m != self._translation_m).any(axis=1)
         if has_moved.any():
             _place(self.own, self._world, has_moved, rotation, translation_m)
-            self._rotation, self._translation_m = rotation.copy(), translation_m.copy()
+            self._rotation, self._translation_m = rotation, translation_m
         return self._world
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@kernel
 def _place(own: Bodies, world: Bodies, has_moved: NDArray[np.bool_], rotation: Float, translation_m: Float) -> None:
     for b in range(len(own.link)):
         link = own.link[b]
@@ -186,7 +186,7 @@ def _place(own: Bodies, world: Bodies, has_moved: NDArray[np.bool_], rotation: F
             world.offsets_m[p] = own.offsets_m[p] + along_m
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@kernel
 def _move(
     rotation: Float, translation_m: Float, link: int, share: float, columns: Float, which: tuple[int, int], out: Float
 ) -> None:

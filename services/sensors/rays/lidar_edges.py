@@ -10,13 +10,13 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from services.sensors.lidar.beams import Beams
 from services.sensors.lidar.footprint import Footprint, sub_rays
 from services.sensors.rays.bodies import Bodies
 from services.sensors.rays.culling import candidates_of
+from services.sensors.rays.kernels import kernel, loop, part
 from services.sensors.rays.lidar_moving import Column, distance_to_planes, is_aside, turn_to_group
 from services.sensors.rays.ring_table import RingTable
 from services.sensors.rays.sections import higher, rings_between, seen_from, wedge
@@ -115,8 +115,12 @@ def room_for(bodies: Bodies, table: RingTable, num_cells: int) -> Room:
         np.empty(num_rings + 1, np.int32),
         np.zeros((3, num_lanes), np.float32),
         np.zeros((3, num_lanes), np.float32),
-        *(np.empty(num_lanes, np.float32) for _ in range(4)),
-        *(np.empty(num_lanes, np.int32) for _ in range(2)),
+        np.empty(num_lanes, np.float32),
+        np.empty(num_lanes, np.float32),
+        np.empty(num_lanes, np.float32),
+        np.empty(num_lanes, np.float32),
+        np.empty(num_lanes, np.int32),
+        np.empty(num_lanes, np.int32),
         np.empty(num_lanes, np.float32),
         np.empty(num_lanes, np.int32),
         np.empty(num_cells, np.int64),
@@ -126,7 +130,7 @@ def room_for(bodies: Bodies, table: RingTable, num_cells: int) -> Room:
     )
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@kernel
 def edge_columns(
     bodies: Any,
     body_of_face: NDArray[np.int32],
@@ -165,7 +169,7 @@ def edge_columns(
     return num
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _begin(table: Any, body_of_face: Any, face: Any, c: int, far_m: float, room: Room) -> None:
     for i in range(len(table.ring)):
         hit = face[c, table.ring[i]]
@@ -174,7 +178,7 @@ def _begin(table: Any, body_of_face: Any, face: Any, c: int, far_m: float, room:
         room.is_near_edge[i] = False
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _is_in_column(
     bodies: Any,
     b: int,
@@ -215,7 +219,7 @@ def _is_in_column(
     return is_any
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _normal_seen(bodies: Any, p: int, frames: Float, c: int) -> tuple[np.float32, np.float32, np.float32]:
     x, y, z = bodies.normals[0, p], bodies.normals[1, p], bodies.normals[2, p]
     return (
@@ -225,7 +229,7 @@ def _normal_seen(bodies: Any, p: int, frames: Float, c: int) -> tuple[np.float32
     )
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _bound(
     bodies: Any, b: int, table: Any, rays: Any, frames: Float, c: int, column: Column, room: Room, rings: Any, sign: int
 ) -> None:
@@ -247,7 +251,7 @@ def _bound(
             room.bound[i] = inverse if inverse < room.bound[i] else room.bound[i]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _raise_floor(
     bodies: Any,
     b: int,
@@ -271,7 +275,7 @@ def _raise_floor(
                 room.floor[i] = room.bound[i]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _mark_in_front(
     bodies: Any,
     b: int,
@@ -297,7 +301,7 @@ def _mark_in_front(
             room.is_near_edge[i] |= room.body[i] != b and room.bound[i] >= room.floor[i]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _cast_column(
     bodies: Any,
     table: Any,
@@ -330,7 +334,7 @@ def _cast_column(
     return num
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _gather(rays: Any, least: Any, far_m: Any, room: Room) -> None:
     """Lays the sub-rays of the beams to cast side by side, and counts those beams."""
     num = 0
@@ -349,7 +353,7 @@ def _gather(rays: Any, least: Any, far_m: Any, room: Room) -> None:
         room.plane[n] = -1
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _cast(
     bodies: Any, b: int, frames: Float, c: int, near_m: Any, column: Column, room: Room, first: int, last: int
 ) -> None:
@@ -375,7 +379,7 @@ def _cast(
             room.plane[n] = room.entry_plane[n] if is_before else room.exit_plane[n]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _meet_plane(normal: Any, before_m: Any, room: Room, start: Any, end: Any) -> None:
     """Writes where sub-rays meet a plane, and how fast they go along its normal."""
     x, y, z = normal
@@ -386,7 +390,7 @@ def _meet_plane(normal: Any, before_m: Any, room: Room, start: Any, end: Any) ->
         range_m[n] = -(before_m + x * origin_m[0, n] + y * origin_m[1, n] + z * origin_m[2, n]) / along[n]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _narrow(p: Any, room: Room, start: Any, end: Any) -> None:
     along, range_m = room.along, room.meets_m
     entry_m, exit_m, entry_plane, exit_plane = room.entry_m, room.exit_m, room.entry_plane, room.exit_plane
@@ -400,22 +404,21 @@ def _narrow(p: Any, room: Room, start: Any, end: Any) -> None:
         exit_plane[n] = p if is_sooner else exit_plane[n]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _has_edge(bodies: Any, room: Room, first: int) -> bool:
     """Whether not all sub-rays of a beam meet one surface."""
-    surface = _surface(bodies, room.plane[first])
-    for n in range(1, _LANES - 1):
-        if _surface(bodies, room.plane[first + n]) != surface:
-            return True
-    return False
+    num_same = 0
+    for n in range(_LANES):
+        num_same += _surface(bodies, room.plane[first + n]) == _surface(bodies, room.plane[first])
+    return num_same < _LANES
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def _surface(bodies: Any, p: int) -> int:
+@part
+def _surface(bodies: Any, p: int) -> Any:
     return bodies.surface_of_plane[p] if p >= 0 else np.int32(-1)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _keep(bodies: Any, room: Room, frames: Float, c: int, first: int, num: int) -> None:
     for n in range(_LANES - 1):
         k = first + n

@@ -6,11 +6,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from services.sensors.rays.bodies import Bodies
 from services.sensors.rays.culling import candidates_of, half_extent_m
+from services.sensors.rays.kernels import finite_loop, kernel, loop, part
 from services.sensors.rays.sections import cut, rings_between, seen_from
 
 Float = NDArray[np.float64]
@@ -45,7 +45,7 @@ class Column(NamedTuple):
     walls: Float
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@kernel
 def scan_columns(
     bodies: Any,
     table: Any,
@@ -86,8 +86,8 @@ def column_for(bodies: Bodies, num_rings: int) -> Column:
     )
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def is_aside(bodies: Any, b: int, frames: Float, origins_m: Float, c: int, turn: float, width_m: float) -> bool:
+@part
+def is_aside(bodies: Any, b: int, frames: Float, origins_m: Float, c: int, turn: float, width_m: float) -> Any:
     """Whether a body's box stays out of the column's wedge: of half width `width_m`, widened by the angle `turn`."""
     x, y = bodies.centres_m[0, b] - origins_m[c, 0], bodies.centres_m[1, b] - origins_m[c, 1]
     z = bodies.centres_m[2, b] - origins_m[c, 2]
@@ -97,7 +97,7 @@ def is_aside(bodies: Any, b: int, frames: Float, origins_m: Float, c: int, turn:
     return aside_m > half_extent_m(bodies.half_axes_m, b, frames[c, 1, 0], frames[c, 1, 1], frames[c, 1, 2])
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz", "nnan"})
+@finite_loop
 def distance_to_planes(bodies: Any, b: int, origins_m: Float, c: int, distance_m: Float) -> float:
     """Writes how far the origin is before each plane of a body; the largest: it is no nearer than that."""
     x, y, z = origins_m[c, 0], origins_m[c, 1], origins_m[c, 2]
@@ -109,7 +109,7 @@ def distance_to_planes(bodies: Any, b: int, origins_m: Float, c: int, distance_m
     return largest_m
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz", "nnan"})
+@finite_loop
 def turn_to_group(corners: Float, num: int, cos: float, sin: float, seen: Float) -> tuple[float, float]:
     """Writes a body's corners as seen along a group's azimuth; the extremes of `left` of the first `num`."""
     least, most = 1e300, -1e300
@@ -121,7 +121,7 @@ def turn_to_group(corners: Float, num: int, cos: float, sin: float, seen: Float)
     return least, most
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _draw_body(
     bodies: Any, b: int, table: Any, frames: Float, origins_m: Float, c: int, near_m: float, column: Column
 ) -> None:
@@ -147,7 +147,7 @@ def _draw_body(
                 _draw_narrow(bodies, p, table, g, frames, c, near_m, column)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _distance2(bodies: Any, b: int, origins_m: Float, c: int) -> float:
     square_m2 = 0.0
     for i in range(3):
@@ -155,7 +155,7 @@ def _distance2(bodies: Any, b: int, origins_m: Float, c: int) -> float:
     return square_m2
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _draw_narrow(bodies: Any, p: int, table: Any, g: int, frames: Float, c: int, near_m: float, column: Column) -> None:
     """Draws a face into rings of one azimuth."""
     outline = bodies.outline_start[p], bodies.outline_start[p + 1]
@@ -165,7 +165,7 @@ def _draw_narrow(bodies: Any, p: int, table: Any, g: int, frames: Float, c: int,
         _fill(bodies, p, table, frames, c, near_m, column, first, last)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _draw_wide(
     bodies: Any, b: int, p: int, table: Any, g: int, frames: Float, c: int, near_m: float, column: Column
 ) -> None:
@@ -197,7 +197,7 @@ def _draw_wide(
             _fill_clear(bodies, p, table, frames, c, near_m, column, start, end)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _side_of_wedge(seen: Float, spread: float, tails: Any, first: int, last: int) -> int:
     """Whether an outline lies aside of a wedge, across it with all corners outside, or has corners inside."""
     num_left = num_right = 0
@@ -210,7 +210,7 @@ def _side_of_wedge(seen: Float, spread: float, tails: Any, first: int, last: int
     return _ACROSS if num_left + num_right == last - first else _INSIDE
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _face_in_wedge(seen: Float, spread: float, tails: Any, heads: Any, first: int, last: int) -> Any:
     """`wedge` of one face: `seen` holds the body's corners, of which the face has some."""
     low, high = math.inf, -math.inf
@@ -233,7 +233,7 @@ def _face_in_wedge(seen: Float, spread: float, tails: Any, heads: Any, first: in
     )
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _clear_edges(bodies: Any, p: int, table: Any, column: Column, first: int, last: int) -> None:
     """Writes by how much rays of these rings pass within the outline of a face, seen from the column's origin."""
     corners, clearance, direction = column.corners, column.clearance, table.direction
@@ -252,7 +252,7 @@ def _clear_edges(bodies: Any, p: int, table: Any, column: Column, first: int, la
             clearance[k] = inside if inside < clearance[k] else clearance[k]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _inverse_ranges(bodies: Any, p: int, frames: Float, c: int, column: Column) -> Any:
     """q with 1 / range = q @ direction, seen from the column."""
     x, y, z = bodies.normals[0, p], bodies.normals[1, p], bodies.normals[2, p]
@@ -265,7 +265,7 @@ def _inverse_ranges(bodies: Any, p: int, frames: Float, c: int, column: Column) 
     )
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _fill(
     bodies: Any, p: int, table: Any, frames: Float, c: int, near_m: float, column: Column, first: int, last: int
 ) -> None:
@@ -280,7 +280,7 @@ def _fill(
         plane[i] = np.int32(p) if is_nearer else plane[i]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _fill_clear(
     bodies: Any, p: int, table: Any, frames: Float, c: int, near_m: float, column: Column, first: int, last: int
 ) -> None:
@@ -296,7 +296,7 @@ def _fill_clear(
         plane[i] = np.int32(p) if is_nearer else plane[i]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _write(bodies: Any, table: Any, column: Column, c: int, range_m: Any, face: Any, cos_incidence: Any) -> None:
     for r in range(len(table.place)):
         i = table.place[r]

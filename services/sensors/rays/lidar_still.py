@@ -10,10 +10,10 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from services.sensors.rays.bodies import Bodies
+from services.sensors.rays.kernels import kernel, loop, part
 from services.sensors.rays.lidar_moving import distance_to_planes, turn_to_group
 from services.sensors.rays.ring_table import RingTable
 from services.sensors.rays.sections import cut, rings_between, seen_from
@@ -54,7 +54,7 @@ class Grid(NamedTuple):
     height_m: NDArray[np.float32]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@kernel
 def scan_still(
     bodies: Any, table: Any, frame: Float, origin_m: Float, near_m: float, far_m: float, hits: Any, grid: Any
 ) -> None:
@@ -104,8 +104,8 @@ def grid_for(bodies: Bodies, table: RingTable, num_columns: int, first_rad: floa
     )
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def _is_out_of_view(bodies: Any, b: int, table: Any, frame: Float, origin_m: Float, far_m: float) -> bool:
+@part
+def _is_out_of_view(bodies: Any, b: int, table: Any, frame: Float, origin_m: Float, far_m: float) -> Any:
     """Whether a body's ball lies beyond the range, or wholly above or below the beams."""
     x, y = bodies.centres_m[0, b] - origin_m[0], bodies.centres_m[1, b] - origin_m[1]
     z = bodies.centres_m[2, b] - origin_m[2]
@@ -119,7 +119,7 @@ def _is_out_of_view(bodies: Any, b: int, table: Any, frame: Float, origin_m: Flo
     return max(above_m, below_m) > radius_m
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _draw_face(
     bodies: Any,
     b: int,
@@ -154,7 +154,7 @@ def _draw_face(
             _fill(nearest[c], plane[c], grid.flat, grid.rise, a, np.float32(q_z), largest, p, low, high)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _inverse_ranges(frame: Float, normal: Float, distance_m: float) -> tuple[float, float, float]:
     """q with 1 / range = q @ direction, in the frame's axes."""
     n_x, n_y, n_z = normal[0], normal[1], normal[2]
@@ -166,7 +166,7 @@ def _inverse_ranges(frame: Float, normal: Float, distance_m: float) -> tuple[flo
     )
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _unwind(tails: Any, first: int, last: int, grid: Grid) -> tuple[float, float, bool]:
     """Writes where an outline's corners are seen, in columns without jumps; least, most, and whether it is wide."""
     num_columns = len(grid.low)
@@ -183,7 +183,7 @@ def _unwind(tails: Any, first: int, last: int, grid: Grid) -> tuple[float, float
     return least, most, is_around_axis or most - least > _WIDE * num_columns
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _cut_columns(bodies: Any, b: int, first: int, last: int, grid: Grid) -> None:
     num = bodies.corner_start[b + 1] - bodies.corner_start[b]
     seen = grid.seen
@@ -192,7 +192,7 @@ def _cut_columns(bodies: Any, b: int, first: int, last: int, grid: Grid) -> None
         grid.low[c], grid.high[c], _, _ = cut(seen, 1, bodies.outline_tails, bodies.outline_heads, first, last)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _cut_edges(bodies: Any, first: int, last: int, shift: int, first_column: int, num: int, grid: Grid) -> None:
     """Writes low and high of `num` columns; `shift` leads from unwound columns to those of cos and sin."""
     grid.low[:num] = np.inf
@@ -212,7 +212,7 @@ def _cut_edges(bodies: Any, first: int, last: int, shift: int, first_column: int
             grid.low[k], grid.high[k] = min(grid.low[k], tangent), max(grid.high[k], tangent)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _bound(low: Float, high: Float, cos: Float, sin: Float, t_x: float, t_y: float) -> None:
     for c in range(len(low)):
         tangent = t_x * cos[c] + t_y * sin[c]
@@ -220,7 +220,7 @@ def _bound(low: Float, high: Float, cos: Float, sin: Float, t_x: float, t_y: flo
         high[c] = tangent if tangent > high[c] else high[c]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _fill(
     nearest: Any, plane: Any, flat: Any, rise: Any, a: Any, b: Any, largest: Any, p: int, first: int, last: int
 ) -> None:
@@ -231,7 +231,7 @@ def _fill(
         plane[r] = np.int32(p) if is_nearer else plane[r]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True, fastmath={"contract", "nsz"})
+@loop
 def _finish(bodies: Any, nearest: Any, plane: Any, cos_incidence: Any, grid: Grid) -> None:
     """Turns inverses into ranges, and planes into faces."""
     face, height_m = grid.face, grid.height_m

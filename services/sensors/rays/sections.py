@@ -9,8 +9,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from services.sensors.rays.kernels import part
 
 Float = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -19,9 +20,9 @@ _TOLERANCE = 1e-9
 """Faces reach beyond their edges by this much, so that no ray slips between two."""
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def seen_from(corners_m: Float, first: int, last: int, frames: Float, origins_m: Float, c: int, out: Float) -> None:
-    """Writes corners_m[:, first:last] as column c sees them, with that frame (its axes as rows) and origin, into out."""
+    """Writes corners_m[:, first:last] as column c sees them, by its frame (axes as rows) and origin, into out."""
     x, y, z = origins_m[c, 0], origins_m[c, 1], origins_m[c, 2]
     for k in range(3):
         a, b, d = frames[c, k, 0], frames[c, k, 1], frames[c, k, 2]
@@ -30,9 +31,9 @@ def seen_from(corners_m: Float, first: int, last: int, frames: Float, origins_m:
             out[k, i] = a * (corners_m[0, j] - x) + b * (corners_m[1, j] - y) + d * (corners_m[2, j] - z)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def cut(seen: Float, left: int, tails: Ints, heads: Ints, first: int, last: int) -> Any:
-    """Between which elevations the half-plane seen[left] = 0 cuts a convex polygon; (inf, -inf) if not at all.
+    """Between which elevations the half-plane seen[left] = 0 cuts a polygon; (inf, -inf) if not at all.
 
     Also by how much these two change with the azimuth.
     seen (5, n): of each corner outward, left and up, and two rows of other distances to the left.
@@ -56,8 +57,8 @@ def cut(seen: Float, left: int, tails: Ints, heads: Ints, first: int, last: int)
     return low, high, slope, slope
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def _crossing(seen: Float, left: int, i: int, j: int) -> tuple[float, float, float]:
+@part
+def _crossing(seen: Float, left: int, i: Any, j: Any) -> Any:
     """Where an edge crosses a half-plane: outward, up, and by how much the elevation changes with the azimuth."""
     share = seen[left, i] / (seen[left, i] - seen[left, j])
     x, z = seen[0, j] - seen[0, i], seen[2, j] - seen[2, i]
@@ -65,7 +66,7 @@ def _crossing(seen: Float, left: int, i: int, j: int) -> tuple[float, float, flo
     return seen[0, i] + share * x, seen[2, i] + share * z, abs(m_y / m_z)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def _between(x0: float, z0: float, x1: float, z1: float) -> tuple[float, float]:
     """The elevations of those points of a segment that have x > 0, of which not both ends do."""
     if x0 <= 0 and x1 <= 0:
@@ -75,7 +76,7 @@ def _between(x0: float, z0: float, x1: float, z1: float) -> tuple[float, float]:
     return (elevation, math.inf) if z_on_axis > 0 else (-math.inf, elevation)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def span(seen: Float, left: int, tails: Ints, heads: Ints, first: int, last: int) -> Any:
     """Like `cut` of a whole body by its edges; where the axis runs through it the span may be too wide.
 
@@ -105,7 +106,7 @@ def span(seen: Float, left: int, tails: Ints, heads: Ints, first: int, last: int
     return -math.inf, math.inf, False
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def rings_between(table: Any, group: int, low: float, high: float) -> tuple[int, int]:
     """The rings of a group that look between two elevations: the first, and the one behind the last."""
     if low > high:
@@ -114,8 +115,8 @@ def rings_between(table: Any, group: int, low: float, high: float) -> tuple[int,
     return first, max(first, _first_at_or_below(table, group, low - _TOLERANCE * (1 + abs(low))))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
-def _first_at_or_below(table: Any, group: int, tangent: float) -> int:
+@part
+def _first_at_or_below(table: Any, group: int, tangent: float) -> Any:
     start, end = table.start[group], table.start[group + 1]
     if tangent >= table.tangent[start]:
         return start
@@ -130,7 +131,7 @@ def _first_at_or_below(table: Any, group: int, tangent: float) -> int:
     return i
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def wedge(seen: Float, num: int, slab: Any, tails: Ints, heads: Ints, first: int, last: int) -> Any:
     """Outer and inner (low, high) of a convex body in the wedge |left| <= slab[0] + slab[1] * outward.
 
@@ -153,7 +154,7 @@ def wedge(seen: Float, num: int, slab: Any, tails: Ints, heads: Ints, first: int
     return low, high, max(low_1, low_2), min(high_1, high_2)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part
 def higher(tangent: float, by: float) -> float:
     """The tangent of an elevation raised by an angle of tangent `by`; inf from straight up on."""
     if math.isinf(tangent) or tangent * by >= 1:
