@@ -140,14 +140,14 @@ def _faces_of(scene: Scene) -> _Faces:
         nothing,
     )
     lone = np.repeat(is_lone, sizes)
-    backs = _Planes(
-        body[is_lone],
-        -normals[is_lone],
-        -fronts.offsets_m[is_lone],
-        face[is_lone],
-        sizes[is_lone],
-        fronts.heads[lone],
-        fronts.tails[lone],
+    backs = _Planes(  # from the last to the first, so that each outline runs backwards too
+        body[is_lone][::-1],
+        -normals[is_lone][::-1],
+        -fronts.offsets_m[is_lone][::-1],
+        face[is_lone][::-1],
+        sizes[is_lone][::-1],
+        fronts.heads[lone][::-1],
+        fronts.tails[lone][::-1],
     )
     return _Faces(
         num_bodies=len(first_face),

@@ -40,18 +40,6 @@ class EmbreeBackend:
             start + np.array([[0, i, i + 1] for i in range(1, size - 1)])
             for start, size in zip(scene.starts[:-1], sizes, strict=True)
         ]
-        self._triangles = np.empty((0, 3), dtype=np.uint32)
-        self._face_of_triangle = np.empty(0, dtype=np.int32)
-        self._link_of_vertex = np.empty(0, dtype=np.int32)
-        self._surface_of_face = np.empty(0, dtype=np.int32)
-
-    def set_scene(self, scene: Scene) -> None:
-        """Takes what the rays can meet."""
-        sizes = np.diff(scene.starts)
-        fan = [
-            start + np.array([[0, i, i + 1] for i in range(1, size - 1)])
-            for start, size in zip(scene.starts[:-1], sizes, strict=True)
-        ]
         self._triangles = np.concatenate([*fan, np.empty((0, 3))]).astype(np.uint32)
         self._face_of_triangle = np.repeat(np.arange(scene.num_faces), np.maximum(sizes - 2, 0)).astype(np.int32)
         self._link_of_vertex = np.repeat(scene.shape_link[scene.shape], sizes)
