@@ -26,8 +26,6 @@ Float32 = NDArray[np.float32]
 
 _LANES = 8
 """Sub-rays of a beam that are cast at once; the last repeats the first."""
-_CHUNK = 8
-"""Beams are cast in multiples of this, so that the loops over them need no remainder; what is too much is not used."""
 _BLOCK = 16
 """Columns that share a list of candidates."""
 _SAME_M = 1e-5
@@ -105,7 +103,7 @@ def sub_ray_table(beams: Beams, table: RingTable, footprint: Footprint) -> SubRa
 def room_for(bodies: Bodies, table: RingTable, num_cells: int) -> Room:
     """Room for scans of so many beams."""
     num_rings, num_sub_rays = len(table.ring), len(sub_rays())
-    num_lanes = (num_rings + _CHUNK) * _LANES
+    num_lanes = num_rings * _LANES
     return Room(
         np.empty(num_rings, np.int32),
         np.empty(num_rings, np.float32),
@@ -362,14 +360,13 @@ def _cast(
     They are in it from the last plane at which they enter to the first at which they leave.
     """
     start, end = np.uint64(first * _LANES), np.uint64(last * _LANES)
-    padded = np.uint64(first * _LANES + (last - first + _CHUNK - 1) // _CHUNK * _CHUNK * _LANES)
-    for n in range(start, padded):
+    for n in range(start, end):
         room.entry_m[n] = np.float32(-np.inf)
-    for n in range(start, padded):
+    for n in range(start, end):
         room.exit_m[n] = np.float32(np.inf)
     for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
-        _meet_plane(_normal_seen(bodies, p, frames, c), np.float32(column.distance_m[p]), room, start, padded)
-        _narrow(np.int32(p), room, start, padded)
+        _meet_plane(_normal_seen(bodies, p, frames, c), np.float32(column.distance_m[p]), room, start, end)
+        _narrow(np.int32(p), room, start, end)
     for n in range(start, end):
         is_before = room.entry_m[n] >= near_m
         range_m = room.entry_m[n] if is_before else room.exit_m[n]
