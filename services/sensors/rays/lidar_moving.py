@@ -15,7 +15,7 @@ from services.sensors.rays.sections import cut, rings_between, seen_from
 
 Float = NDArray[np.float64]
 
-_BLOCK = 16
+_BLOCK = 8
 """Columns that share a list of candidates."""
 _MARGIN = 1e-6
 """Rings that look so near the border of what surely fills a group's width are tested one by one."""
