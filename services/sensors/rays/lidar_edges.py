@@ -26,7 +26,7 @@ Float32 = NDArray[np.float32]
 
 _LANES = 8
 """Sub-rays of a beam that are cast at once; the last repeats the first."""
-_BLOCK = 8
+_BLOCK = 4
 """Columns that share a list of candidates."""
 _SAME_M = 1e-5
 """Of two surfaces no farther apart than this the one listed first is met."""
