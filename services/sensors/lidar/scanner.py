@@ -16,8 +16,8 @@ from shared.errors import MessageError
 from shared.messaging.messages import LidarScan, RobotDescription, StructureDescription, Transforms
 from shared.runtime.sensor_config import LidarConfig
 
-_NUM_BLOCKS = 64
-"""Of columns, in each of which the robot's links stand still while the sensor moves: 1.6 ms of a revolution."""
+_NUM_BLOCKS = 32
+"""Of columns, in each of which the robot's links stand still while the sensor moves: at most 3 ms of a revolution."""
 
 
 class LidarScanner:

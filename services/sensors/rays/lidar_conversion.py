@@ -16,7 +16,7 @@ from services.sensors.lidar.beams import Beams, uniform_beams
 from services.sensors.lidar.footprint import Footprint, sub_rays
 from services.sensors.rays.bodies import Bodies, bodies_of
 from services.sensors.rays.interface import EdgeHits, Hits, Poses
-from services.sensors.rays.kernels import kernel
+from services.sensors.rays.kernels import kernel, part
 from services.sensors.rays.lidar_edges import Room, SubRays, edge_columns, room_for, sub_ray_table
 from services.sensors.rays.lidar_moving import Column, column_for, scan_columns
 from services.sensors.rays.lidar_still import grid_for, scan_still
@@ -41,6 +41,8 @@ class LidarConversion:
         self._sub_rays: SubRays | None = None
         self._room: Room | None = None
         self._last: Hits | None = None
+        self._frames: tuple[Float, Float] | None = None
+        self._poses: Poses | None = None
 
     def set_scene(self, scene: Scene) -> None:
         """Takes what the rays can meet."""
@@ -66,12 +68,12 @@ class LidarConversion:
             room = grid_for(bodies, table, beams.num_columns, float(beams.azimuth_rad[0]))
             scan_still(bodies, table, frame, origin_m, near_m, far_m, arrays, room)
             return hits
-        frames, origins_m = column_frames(beams, poses)
+        frames, origins_m = self._frames_of(beams, poses)
         column, found = self._column_for(table)
         for block, columns in _blocks(beams, poses):
             bodies = self._placed.at(poses, block)
-            part = hits.range_m[columns], hits.face[columns], hits.cos_incidence[columns]
-            scan_columns(bodies, table, frames[columns], origins_m[columns], near_m, far_m, part, column, found)
+            hit = hits.range_m[columns], hits.face[columns], hits.cos_incidence[columns]
+            scan_columns(bodies, table, frames[columns], origins_m[columns], near_m, far_m, hit, column, found)
         return hits
 
     def edges(self, beams: Beams, poses: Poses, near_m: float, far_m: float, footprint: Footprint) -> EdgeHits:
@@ -86,7 +88,7 @@ class LidarConversion:
         num = 0
         room = self._room_for(table, self._last.face.size)
         column, found = self._column_for(table)
-        frames, origins_m = column_frames(beams, poses)
+        frames, origins_m = self._frames_of(beams, poses)
         for block, columns in _blocks(beams, poses):
             bodies = self._placed.at(poses, block)
             num = edge_columns(
@@ -108,6 +110,12 @@ class LidarConversion:
             room.cells[:num].copy(), room.range_m[:num].copy(), room.face[:num].copy(), room.cos_incidence[:num].copy()
         )
 
+    def _frames_of(self, beams: Beams, poses: Poses) -> tuple[Float, Float]:
+        """Those of the columns; scan and edges ask for the same ones."""
+        if self._frames is None or poses is not self._poses or beams is not self._beams:
+            self._frames, self._poses = column_frames(beams, poses), poses
+        return self._frames
+
     def _column_for(self, table: RingTable) -> tuple[Column, NDArray[np.int32]]:
         """Room for a column, and for the numbers of the bodies that it may meet."""
         return column_for(self._placed.own, len(table.ring)), np.empty(len(self._placed.own.radii_m), np.int32)
@@ -125,7 +133,7 @@ class LidarConversion:
     def _table_of(self, beams: Beams) -> RingTable:
         if beams is not self._beams:
             self._table, self._beams = ring_table(beams), beams
-            self._sub_rays = self._room = None
+            self._sub_rays = self._room = self._frames = None
         return self._table
 
 
@@ -157,21 +165,21 @@ class _Placed:
         return self._own
 
     def at(self, poses: Poses, block: int) -> Bodies:
-        num_links = len(self._rotation)
-        rotation = np.array(poses.link_rotation[block][:num_links], dtype=np.float64)
-        translation_m = np.array(poses.link_translation_m[block][:num_links], dtype=np.float64)
-        has_moved = (rotation != self._rotation).any(axis=(1, 2)) | (translation_m != self._translation_m).any(axis=1)
-        if has_moved.any():
-            _place(self.own, self._world, has_moved, rotation, translation_m)
-            self._rotation, self._translation_m = rotation, translation_m
+        """The bodies with their links where they are in that block."""
+        rotation, translation_m = poses.link_rotation[block], poses.link_translation_m[block]
+        _place(self.own, self._world, rotation, translation_m, self._rotation, self._translation_m)
+        self._rotation, self._translation_m = rotation, translation_m
         return self._world
 
 
 @kernel
-def _place(own: Bodies, world: Bodies, has_moved: NDArray[np.bool_], rotation: Float, translation_m: Float) -> None:
+def _place(
+    own: Bodies, world: Bodies, rotation: Float, translation_m: Float, last_rotation: Float, last_translation_m: Float
+) -> None:
+    """Moves the bodies whose links are not where they were last."""
     for b in range(len(own.link)):
         link = own.link[b]
-        if not has_moved[link]:
+        if _is_same(rotation, translation_m, last_rotation, last_translation_m, link):
             continue
         planes = own.plane_start[b], own.plane_start[b + 1]
         corners = own.corner_start[b], own.corner_start[b + 1]
@@ -184,6 +192,17 @@ def _place(own: Bodies, world: Bodies, has_moved: NDArray[np.bool_], rotation: F
             for i in range(3):
                 along_m += world.normals[i, p] * translation_m[link, i]
             world.offsets_m[p] = own.offsets_m[p] + along_m
+
+
+@part
+def _is_same(rotation: Float, translation_m: Float, last_rotation: Float, last_translation_m: Float, link: int) -> bool:
+    for i in range(3):
+        if translation_m[link, i] != last_translation_m[link, i]:
+            return False
+        for j in range(3):
+            if rotation[link, i, j] != last_rotation[link, i, j]:
+                return False
+    return True
 
 
 @kernel

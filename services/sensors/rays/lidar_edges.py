@@ -17,7 +17,7 @@ from services.sensors.lidar.footprint import Footprint, sub_rays
 from services.sensors.rays.bodies import Bodies
 from services.sensors.rays.culling import candidates_of
 from services.sensors.rays.kernels import kernel, loop, part
-from services.sensors.rays.lidar_moving import Column, distance_to_planes, is_aside, turn_to_group
+from services.sensors.rays.lidar_moving import Column, distance2, distance_to_planes, is_aside, turn_to_group
 from services.sensors.rays.ring_table import RingTable
 from services.sensors.rays.sections import higher, rings_between, seen_from, wedge
 
@@ -199,9 +199,14 @@ def _is_in_column(
     angle = rays.start_m / away_m + rays.widening if away_m > 0 else math.inf
     edges = bodies.edge_start[b], bodies.edge_start[b + 1]
     is_any = False
+    reach_m = math.sqrt(distance2(bodies, b, origins_m, c)) + bodies.radii_m[b]
     for g in range(len(table.cos)):
-        turn_to_group(column.corners, end - start, table.cos[g], table.sin[g], column.seen)
+        least, most = turn_to_group(column.corners, end - start, table.cos[g], table.sin[g], column.seen)
         slab = rays.start_m, rays.slope + table.spread[g]
+        slack_m = slab[0] + slab[1] * reach_m
+        if least > slack_m or most < -slack_m:
+            room.outer[k, g, 0] = room.outer[k, g, 1] = 0
+            continue
         low, high, inner_low, inner_high = wedge(
             column.seen, end - start, slab, bodies.edge_tails, bodies.edge_heads, edges[0], edges[1]
         )

@@ -130,7 +130,7 @@ def _draw_body(
     is_outside = distance_to_planes(bodies, b, origins_m, c, column.distance_m) > near_m
     start, end = bodies.corner_start[b], bodies.corner_start[b + 1]
     seen_from(bodies.corners_m, start, end, frames, origins_m, c, column.corners)
-    reach_m = math.sqrt(_distance2(bodies, b, origins_m, c)) + bodies.radii_m[b]
+    reach_m = math.sqrt(distance2(bodies, b, origins_m, c)) + bodies.radii_m[b]
     for g in range(len(table.cos)):
         least, most = turn_to_group(column.corners, end - start, table.cos[g], table.sin[g], column.seen)
         spread = table.spread[g]
@@ -148,7 +148,8 @@ def _draw_body(
 
 
 @part
-def _distance2(bodies: Any, b: int, origins_m: Float, c: int) -> float:
+def distance2(bodies: Any, b: int, origins_m: Float, c: int) -> float:
+    """The square of how far a body's centre is from the column's origin."""
     square_m2 = 0.0
     for i in range(3):
         square_m2 += (bodies.centres_m[i, b] - origins_m[c, i]) ** 2
