@@ -54,22 +54,43 @@ def motion_of(transforms: Sequence[Transforms], frames: Sequence[str]) -> Motion
 
 def _poses(transforms: Sequence[Transforms], frames: Sequence[str]) -> Float:
     """(K, L, 7) of L frames in K messages with the same edges, all messages at once."""
-    first, rows = transforms[0], _rows_of(transforms[0])
+    first, rows, num = transforms[0], _rows_of(transforms[0]), len(transforms)
     edges = np.stack([each.T_parent_child for each in transforms])
-    known = {first.frame: np.broadcast_to([0.0, 0, 0, 0, 0, 0, 1], (len(transforms), 7))}
+    turns = rotation_matrices(edges[..., 3:])
+    root = np.zeros((num, 3)), np.broadcast_to([0.0, 0.0, 0.0, 1.0], (num, 4)), np.broadcast_to(np.eye(3), (num, 3, 3))
+    known = {first.frame: root}
     for frame in frames:
         for row in _path(first, rows, frame):
-            if first.children[row] not in known:
-                known[first.children[row]] = _composed(known[first.parents[row]], edges[:, row])
-    return np.stack([known[frame] for frame in frames], axis=1)
+            if first.children[row] in known:
+                continue
+            translation, quat, R = known[first.parents[row]]
+            known[first.children[row]] = (
+                translation + (R @ edges[:, row, :3, np.newaxis])[..., 0],
+                _quat_product(quat, edges[:, row, 3:]),
+                R @ turns[:, row],
+            )
+    return np.stack([np.concatenate(known[frame][:2], axis=1) for frame in frames], axis=1)
 
 
-def _composed(a: Float, b: Float) -> Float:
-    """T_a @ T_b of poses (K, 7)."""
-    translation = a[:, :3] + np.einsum("kij,kj->ki", rotation_matrices(a[:, 3:]), b[:, :3])
-    u, s, v, w = a[:, 3:6], a[:, 6:], b[:, 3:6], b[:, 6:]
-    quat = np.concatenate([s * v + w * u + np.cross(u, v), s * w - np.sum(u * v, axis=1, keepdims=True)], axis=1)
-    return np.concatenate([translation, quat / np.linalg.norm(quat, axis=1, keepdims=True)], axis=1)
+def _quat_product(a: Float, b: Float) -> Float:
+    """Of unit quaternions (K, 4) x y z w: first b, then a."""
+    pairs = (a[:, :, np.newaxis] * b[:, np.newaxis, :]).reshape(-1, 16)
+    product: Float = pairs @ _QUAT_TABLE
+    return product
+
+
+def _quat_table() -> Float:
+    """(16, 4): what each product of two components adds to a quaternion product (Hamilton)."""
+    table = np.zeros((4, 4, 4))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        table[i, j, k], table[j, i, k] = 1.0, -1.0
+        table[i, 3, i] = table[3, i, i] = 1.0
+        table[i, i, 3] = -1.0
+    table[3, 3, 3] = 1.0
+    return table.reshape(16, 4)
+
+
+_QUAT_TABLE = _quat_table()
 
 
 def _rows_of(transforms: Transforms) -> dict[str, int]:

@@ -53,8 +53,8 @@ class LidarEffects:
         is_robot = np.arange(len(surfaces)) >= len(surfaces) - num_robot_shapes
         self._is_filtered = (is_robot & config.body_filter)[scene.shape]
         even_signal = _DETECTION_REFLECTIVITY / config.detection_range_m**2 if config.detection_range_m else 0.0
-        sure_strength = _SURE_ODDS ** (1 / config.detection_steepness)
-        self._detection = np.array([even_signal, config.detection_steepness, sure_strength])
+        sure_weakness = _SURE_ODDS ** (-1 / config.detection_steepness)
+        self._detection = np.array([even_signal, config.detection_steepness, sure_weakness])
         self._noise_m = np.array([config.range_noise_m, config.weak_range_noise_m, config.range_quantum_m])
         self._gate_m = np.array([config.min_range_m, config.max_range_m, beams.origin_m])
         self._pulse_m = config.pulse_m

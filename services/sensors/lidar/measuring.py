@@ -45,14 +45,15 @@ def mixed_returns(
     range is the mean weighted by signal, brightness the reflectivity and cosine averaged over all sub-rays.
     """
     num_sub_rays = sub_range_m.shape[1]
-    weights = np.empty(num_sub_rays)
+    weights, signals = np.empty(num_sub_rays), np.empty(num_sub_rays)
     for e in range(len(cells)):
         for k in range(num_sub_rays):
-            weights[k] = 0.0
+            weights[k] = signals[k] = 0.0
             if sub_face[e, k] >= 0:
                 surface = surfaces[sub_face[e, k]]
                 weights[k] = surface[0] * sub_cos[e, k] * _visibility(sub_cos[e, k], surface)
-        first, mean_m, sum_of_weights = _strongest(sub_range_m[e], weights, pulse_m)
+                signals[k] = weights[k] / (sub_range_m[e, k] * sub_range_m[e, k])
+        first, mean_m, sum_of_weights = _strongest(sub_range_m[e], weights, signals, pulse_m)
         c, r = divmod(cells[e], range_m.shape[1])
         if first < 0:
             range_m[c, r], face[c, r] = np.inf, -1
@@ -62,18 +63,19 @@ def mixed_returns(
 
 
 @kernel()
-def _strongest(range_m: Floats, weights: NDArray[np.float64], pulse_m: float) -> tuple[int, float, float]:
+def _strongest(
+    range_m: Floats, weights: NDArray[np.float64], signals: NDArray[np.float64], pulse_m: float
+) -> tuple[int, float, float]:
     """Of the return with the largest signal: its nearest sub-ray (-1: there is none), mean range, sum of weights."""
     best, best_signal, best_mean, best_weight = -1, 0.0, 0.0, 0.0
     for first in range(len(weights)):
         signal = moment = total = 0.0
         for k in range(len(weights)):
-            if weights[k] > 0.0 and 0.0 <= range_m[k] - range_m[first] <= pulse_m:
-                share = weights[k] / (range_m[k] * range_m[k])
-                signal += share
-                moment += share * range_m[k]
+            if signals[k] > 0.0 and 0.0 <= range_m[k] - range_m[first] <= pulse_m:
+                signal += signals[k]
+                moment += signals[k] * range_m[k]
                 total += weights[k]
-        if weights[first] > 0.0 and signal > best_signal:
+        if signals[first] > 0.0 and signal > best_signal:
             best, best_signal, best_mean, best_weight = first, signal, moment / signal, total
     return best, best_mean, best_weight
 
@@ -92,38 +94,37 @@ def measured_ranges(
     seed: np.uint64,
     stamp: int,
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Measured ranges (C, R), negative where nothing is reported, intensities (C, R), and returns a ring (R,).
+    """Measured ranges (C, R), -1 where nothing is reported, intensities (C, R), and returns a ring (R,).
 
-    brightness (C, R): NaN where it follows from the face. detection: signal of even chances, steepness, strength from
-    which all beams return. noise_m: on
-    strong signals, weak ones, quantum. gate_m: least and greatest range from the axis, and the beams' distance from it.
+    brightness (C, R): NaN where it follows from the face. detection: signal at which half the beams return, steepness,
+    and the weakness up to which all do. noise_m: on strong signals, on weak ones, quantum. gate_m: least and greatest
+    range from the axis, and the beams' distance from it.
     """
     num_columns, num_rings = range_m.shape
     measured = np.full(range_m.shape, np.float32(-1.0))
     intensity = np.empty(range_m.shape, dtype=np.float32)
     counts = np.zeros(num_rings, dtype=np.int64)
     key = hash64(seed, 0, stamp)
+    strong_m2, weak_m2 = noise_m[0] ** 2, noise_m[1] ** 2
+    quantum_m, steps_per_m = noise_m[2], 1.0 / noise_m[2]
     for c in range(num_columns):
         for r in range(num_rings):
             k = face[c, r]
             if k < 0 or is_filtered[k]:
                 continue
-            bright, chance = float(brightness[c, r]), 1.0
+            value, bright, chance = range_m[c, r] + gate_m[2], float(brightness[c, r]), 1.0
             if math.isnan(bright):
                 bright = surfaces[k, 0] * cos_incidence[c, r]
                 chance = _visibility(cos_incidence[c, r], surfaces[k])
+            weakness = detection[0] * value * value / bright
+            if weakness > detection[2]:
+                chance *= _detection_chance(weakness, detection[1])
             bits = hash64(key, 0, c * num_rings + r)
-            strength = _strength(bright, range_m[c, r] + gate_m[2], detection[0])
-            if strength < detection[2]:
-                chance *= _detection_chance(strength, detection[1])
             if chance < 1.0 and uniform_of(bits) >= chance:
                 continue
-            sigma_m = math.sqrt(noise_m[0] ** 2 + noise_m[1] ** 2 / strength)
-            value = range_m[c, r] + gate_m[2]
-            if sigma_m > 0.0:
-                value += sigma_m * normal_of(bits)
-            if noise_m[2] > 0.0:
-                value = noise_m[2] * round(value / noise_m[2])
+            value += math.sqrt(strong_m2 + weak_m2 * weakness) * normal_of(bits)
+            if quantum_m > 0.0:
+                value = quantum_m * np.rint(value * steps_per_m)
             if gate_m[0] <= value <= gate_m[1]:
                 measured[c, r] = value - gate_m[2]
                 intensity[c, r] = _MAX_INTENSITY * bright
@@ -132,17 +133,9 @@ def measured_ranges(
 
 
 @kernel(inline="always")
-def _strength(brightness: float, range_m: float, even_signal: float) -> float:
-    """The signal over that at which half the beams return; infinite without dropouts."""
-    return brightness / (range_m * range_m * even_signal) if even_signal > 0.0 else math.inf
-
-
-@kernel(inline="always")
-def _detection_chance(strength: float, steepness: float) -> float:
-    """s^k / (1 + s^k)."""
-    if strength <= 0.0:
-        return 0.0
-    return 1.0 / (1.0 + math.exp(-steepness * math.log(strength)))
+def _detection_chance(weakness: float, steepness: float) -> float:
+    """s^k / (1 + s^k) of the strength s = 1 / weakness, the signal over that at which half the beams return."""
+    return 1.0 / (1.0 + math.exp(steepness * math.log(weakness)))
 
 
 @kernel()
