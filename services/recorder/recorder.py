@@ -11,11 +11,13 @@ from shared.messaging.channels import CHANNELS, Channel
 from shared.messaging.messages import Event, Health, Measurement, Message
 from shared.runtime.config import RecorderConfig
 
+_MAX_EARLY = 1000
+
 
 class Recorder:
     """Writes messages to `path`. What has no time of its own is logged at the newest time seen: a command, and what a
-    service says that has seen no time yet. Before any time is known it waits, else a recording of a real sensor, whose
-    time is that of day, would begin in 1970.
+    service says that has seen no time yet. Before any time is known such messages wait, up to a thousand of them, or a
+    recording of a real sensor, whose time is that of day, would begin in 1970.
 
     metadata: text kept at the head of the file. channels: the table, with those of further sensors.
     """
@@ -27,7 +29,7 @@ class Recorder:
             path, channels, metadata, chunk_bytes=config.chunk_size_kib * 1024, compression=config.compression
         )
         self._stamp_ns: int | None = None
-        self._early: dict[tuple[str, int], tuple[Channel, Message]] = {}
+        self._waiting: list[tuple[Channel, Message]] = []
 
     def add(self, channel: Channel, message: Message) -> list[Message]:
         """Records one message.
@@ -38,12 +40,9 @@ class Recorder:
         concrete = channel.of(message.service) if isinstance(message, Health) else channel
         stamp_ns = _time_of(message)
         self._stamp_ns = self._stamp_ns if stamp_ns is None else stamp_ns
-        if self._stamp_ns is None:
-            number = 0 if isinstance(message, Health) else len(self._early)  # of heartbeats only the newest: they count
-            self._early[concrete.key, number] = (concrete, message)
-        else:
-            self._write_early(self._stamp_ns)
-            self._write(concrete, message, self._stamp_ns)
+        self._waiting.append((concrete, message))
+        if self._stamp_ns is not None or len(self._waiting) > _MAX_EARLY:
+            self._write_waiting(self._stamp_ns or 0)
         return []
 
     def flush(self) -> list[Message]:
@@ -54,13 +53,13 @@ class Recorder:
     def close(self) -> list[Message]:
         """Completes the file with index and counts. Idempotent."""
         if self._log.is_open:
-            self._write_early(0)
+            self._write_waiting(self._stamp_ns or 0)
         self._log.close()
         return []
 
-    def _write_early(self, stamp_ns: int) -> None:
-        early, self._early = self._early, {}
-        for channel, message in early.values():
+    def _write_waiting(self, stamp_ns: int) -> None:
+        waiting, self._waiting = self._waiting, []
+        for channel, message in waiting:
             self._write(channel, message, stamp_ns)
 
     def _write(self, channel: Channel, message: Message, stamp_ns: int) -> None:
