@@ -64,7 +64,7 @@ def test_a_recording_begins_with_the_first_time_that_is_known(tmp_path):
     assert recording.duration_s == 0.0
     assert list(recording.messages(EVENTS)) == [replace(event, stamp_ns=stamp_ns, frame="")]
     healths = list(recording.messages(HEALTH))
-    assert [(health.seq, health.stamp_ns) for health in healths] == [(2, stamp_ns), (3, stamp_ns)]
+    assert [(health.seq, health.stamp_ns) for health in healths] == [(seq, stamp_ns) for seq in range(4)]
 
 
 def test_what_waits_for_a_time_that_never_comes_is_recorded_at_the_end(tmp_path):
