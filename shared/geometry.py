@@ -211,7 +211,7 @@ class SE3:
 
 
 def _is_rotation(rows: list[list[float]]) -> bool:
-    """Whether a (3, 3) matrix is orthonormal within 1e-6 and right-handed; plain numbers, for there are many of these."""
+    """Whether a (3, 3) matrix is orthonormal within 1e-6 and right-handed. Plain numbers: this is asked very often."""
     (a, b, c), (d, e, f), (g, h, i) = rows
     lengths = a * a + b * b + c * c - 1.0, d * d + e * e + f * f - 1.0, g * g + h * h + i * i - 1.0
     cosines = a * d + b * e + c * f, a * g + b * h + c * i, d * g + e * h + f * i
