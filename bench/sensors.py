@@ -16,6 +16,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 
 import numpy as np
 from rich.console import Console
@@ -26,6 +27,7 @@ from bench.sim import lattice
 from services.sensors.depth.camera import DepthCamera, pinhole_of
 from services.sensors.lidar.beam_files import read_beams
 from services.sensors.lidar.beams import Beams
+from services.sensors.lidar.effects import LidarEffects
 from services.sensors.lidar.footprint import Footprint
 from services.sensors.loading import load_lidar
 from services.sensors.rays.interface import Poses
@@ -41,7 +43,7 @@ from shared.runtime.sensor_config import DepthConfig, LidarConfig
 
 _URDF = read_urdf(CONFIGS_DIR / "robot" / "hyrecro.urdf")
 _MARK = read_urdf(CONFIGS_DIR / "robot" / "fixed_foot.urdf")
-_SCAN_NS, _NUM_POSES, _NUM_BLOCKS = 100_000_000, 11, 64
+_SCAN_NS, _NUM_POSES, _NUM_BLOCKS = 100_000_000, 11, 32
 _TURN_RAD = 0.1
 """Of the whole robot about z during a moving scan: 1 rad/s."""
 _NEAR_M, _FAR_M = 0.2, 100.0
@@ -100,17 +102,12 @@ def make_world(num_bars: int) -> World:
 
 
 def _turned(transforms: Transforms, share: float) -> Transforms:
-    """The same robot, turned about the world's z at its root."""
+    """The same robot, turned about the vertical where its root stands."""
     poses = np.array(transforms.T_parent_child)
     root = transforms.parents.index(transforms.frame)
     turned = SE3.rot("z", _TURN_RAD * share) @ SE3.from_xyz_quat_xyzw(poses[root])
-    poses[root] = replace_translation(turned, poses[root][:3])
+    poses[root] = SE3(turned.rotation, poses[root][:3]).xyz_quat_xyzw
     return replace(transforms, stamp_ns=round(share * _SCAN_NS), T_parent_child=poses)
-
-
-def replace_translation(pose: SE3, xyz_m: np.ndarray) -> np.ndarray:
-    """The pose (7,) turned as `pose`, standing at `xyz_m`."""
-    return SE3(pose.rotation, xyz_m).xyz_quat_xyzw
 
 
 def cases(world: World) -> Iterator[Case]:
@@ -121,78 +118,68 @@ def cases(world: World) -> Iterator[Case]:
 
 
 def _lidar_cases(world: World) -> Iterator[Case]:
+    """Bare hits: a still sensor, and one with a pose a column; then what makes measurements of them."""
     seen = _surroundings("lidar", world)
     backend = _backend(seen)
     for table in ("uniform", "measured"):
         for num_columns in (512, 1024, 2048):
             beams = read_beams(CONFIGS_DIR / "sensors" / "beams" / f"os1_128_{table}.yaml", num_columns)
-            still = seen.poses([world.still], [0])
-            stamps_ns = np.arange(num_columns) * _SCAN_NS // num_columns
-            moving = seen.poses(world.moving, stamps_ns, _NUM_BLOCKS)
-            for kind, poses in (("still", still), ("moving", moving)):
-                rays = _scan_rays(beams, poses)
+            for kind, poses in (("still", seen.poses([world.still], [0])), ("moving", _moving(seen, world, beams))):
                 name = f"{num_columns}x128 {table}, {kind}"
-                yield Case(name, lambda b=beams, p=poses: backend.scan(b, p, _NEAR_M, _FAR_M), rays)  # type: ignore[misc]
-            if table == "measured" and num_columns == 2048:
-                backend.scan(beams, moving, _NEAR_M, _FAR_M)
-                yield Case(
-                    "sub-rays at its edges",
-                    lambda b=beams, p=moving: backend.edges(b, p, _NEAR_M, _FAR_M, _WIDE),  # type: ignore[misc]
-                    _scan_rays(beams, moving),
-                )
+                yield Case(name, partial(backend.scan, beams, poses, _NEAR_M, _FAR_M), _scan_rays(beams, poses))
+    yield Case(
+        "sub-rays at its edges", partial(backend.edges, beams, poses, _NEAR_M, _FAR_M, _WIDE), _scan_rays(beams, poses)
+    )
+    beams = read_beams(CONFIGS_DIR / "sensors" / "beams" / "os1_128_uniform.yaml", 1024)
+    poses = _moving(seen, world, beams)
+    assert seen.scene is not None
+    effects = LidarEffects(LidarConfig.model_validate({"preset": "datasheet"}), beams, seen.scene, 0, seed=1)
+
+    def measure_scan() -> object:
+        return effects.apply(backend.scan(beams, poses, _NEAR_M, _FAR_M), None, 0)
+
+    yield Case("1024x128 moving, noise, dropouts, packing", measure_scan, _scan_rays(beams, poses))
 
 
 def _lidar_presets(world: World) -> Iterator[Case]:
+    """All that a LiDAR does from transforms to message."""
     seen = _surroundings("lidar", world)
-    for preset, mode in (
-        ("original", "512x10"),
-        ("original", "1024x10"),
-        ("datasheet", "1024x10"),
-        ("datasheet", "2048x10"),
-    ):
-        config = LidarConfig.model_validate({"preset": preset, "mode": mode})
-        lidar = load_lidar(config, seed=1)
-        lidar.set_robot(world.robot)
-        lidar.set_structure(world.structure)
-        transforms = world.moving if config.rolling_shutter else [world.still]
-        beams = read_beams(config.beams, config.num_columns)
-        stamps_ns = np.arange(config.num_columns) * _SCAN_NS // config.num_columns if config.rolling_shutter else [0]
-        rays = _scan_rays(beams, seen.poses(transforms, stamps_ns), config.near_clip_m, config.max_range_m)
-        yield Case(f"preset {preset}, {mode}", lambda s=lidar, t=transforms: s.scan(t), rays)  # type: ignore[misc]
-    config = LidarConfig.model_validate(
-        {
-            "preset": "datasheet",
-            "mode": "1024x10",
-            "beams": "sensors/beams/os1_128_uniform.yaml",
-            "exit_m": 0,
-            "divergence_deg": 0,
-        }
-    )
-    lidar = load_lidar(config, seed=1)
-    lidar.set_robot(world.robot)
-    lidar.set_structure(world.structure)
-    beams = read_beams(config.beams, config.num_columns)
-    poses = seen.poses(world.moving, np.arange(1024) * _SCAN_NS // 1024)
-    rays = _scan_rays(beams, poses, config.near_clip_m, config.max_range_m)
-    yield Case("1024x128, pose a column, noise, dropouts, packing", lambda: lidar.scan(world.moving), rays)
+    for preset in ("ideal", "original", "datasheet"):
+        for mode in ("512x10", "1024x10", "2048x10"):
+            config = LidarConfig.model_validate({"preset": preset, "mode": mode})
+            lidar = load_lidar(config, seed=1)
+            lidar.set_robot(world.robot)
+            lidar.set_structure(world.structure)
+            beams = read_beams(config.beams, config.num_columns)
+            is_moving = config.rolling_shutter
+            poses = _moving(seen, world, beams) if is_moving else seen.poses([world.still], [0])
+            rays = _scan_rays(beams, poses, config.near_clip_m, config.max_range_m)
+            scan = partial(lidar.scan, world.moving if is_moving else [world.still])
+            yield Case(f"LiDAR {preset}, {mode}", scan, rays)
 
 
 def _depth_cases(world: World) -> Iterator[Case]:
+    """Bare depths, and all that a camera does from transforms to message."""
     seen = _surroundings("depth_optical", world)
-    backend = _backend(seen)
-    poses = seen.poses([world.still], [0])
+    backend, poses = _backend(seen), seen.poses([world.still], [0])
     for mode in ("848x480", "1280x720"):
-        config = DepthConfig.model_validate({"preset": "datasheet", "mode": mode})
-        camera = pinhole_of(config)
-        directions = camera.rays() @ poses.sensor_rotation[0].T
-        origins_m = np.repeat(poses.sensor_translation_m, camera.height, axis=0)
-        rays = Rays(origins_m, directions, config.near_clip_m, 2 * config.max_range_m)
-        near_far = (config.near_clip_m, 2 * config.max_range_m)
-        yield Case(f"depth {mode}", lambda c=camera, n=near_far: backend.image(c, poses, *n), rays)  # type: ignore[misc]
-        sensor = DepthCamera(config, 1, lambda: False)
-        sensor.set_robot(world.robot)
-        sensor.set_structure(world.structure)
-        yield Case(f"preset datasheet, {mode}", lambda s=sensor: s.image(world.still), rays)  # type: ignore[misc]
+        for preset in ("ideal", "original", "datasheet"):
+            config = DepthConfig.model_validate({"preset": preset, "mode": mode, "max_range_m": 10.0})
+            camera = pinhole_of(config)
+            origins_m = np.repeat(poses.sensor_translation_m, camera.height, axis=0)
+            limits_m = config.near_clip_m, 2 * config.max_range_m
+            rays = Rays(origins_m, camera.rays() @ poses.sensor_rotation[0].T, *limits_m)
+            if preset == "ideal":
+                yield Case(f"depth {mode}", partial(backend.image, camera, poses, *limits_m), rays)
+            sensor = DepthCamera(config, 1, lambda: False)
+            sensor.set_robot(world.robot)
+            sensor.set_structure(world.structure)
+            yield Case(f"depth camera {preset}, {mode}", partial(sensor.image, world.still), rays)
+
+
+def _moving(seen: Surroundings, world: World, beams: Beams) -> Poses:
+    stamps_ns = np.arange(beams.num_columns) * _SCAN_NS // beams.num_columns
+    return seen.poses(world.moving, stamps_ns, _NUM_BLOCKS)
 
 
 def _surroundings(frame: str, world: World) -> Surroundings:
@@ -227,13 +214,12 @@ def measure(num_bars: int, num_runs: int, *, with_slow_peers: bool) -> list[Figu
         ours_s, open3d_s = [], []
         for _ in range(num_runs):
             ours_s.append(_seconds(case.run))
-            open3d_s.append(_seconds(lambda case=case: open3d.cast(case.rays)))  # type: ignore[misc]
-        slow = [
-            None if peer is None else 1e3 * _seconds(lambda c=case, p=peer: p.cast(c.rays))
-            for peer in (mujoco, pybullet)
-        ]  # type: ignore[misc]
-        medians = [1e3 * statistics.median(times) for times in (ours_s, open3d_s)]
-        lines.append(Figures(num_bars, case.name, *medians, *slow))
+            open3d_s.append(_seconds(partial(open3d.cast, case.rays)))
+        slow_ms = [
+            None if peer is None else 1e3 * _seconds(partial(peer.cast, case.rays)) for peer in (mujoco, pybullet)
+        ]
+        ours_ms, open3d_ms = (1e3 * statistics.median(times) for times in (ours_s, open3d_s))
+        lines.append(Figures(num_bars, case.name, ours_ms, open3d_ms, *slow_ms))
         if sys.stderr.isatty():
             print(f"{num_bars} bars: {case.name}", file=sys.stderr)
     if pybullet is not None:

@@ -8,19 +8,30 @@ from __future__ import annotations
 
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 from services.sensors.loading import warm_up
 from shared.runtime.sensor_config import DepthConfig, LidarConfig
 
+_KINDS: tuple[type[LidarConfig] | type[DepthConfig], ...] = (LidarConfig, DepthConfig)
+
 
 def compile_kernels() -> None:
-    """Takes a scan and an image as each preset has them."""
+    """Takes a scan and an image as each preset has them: LiDAR and camera at once, then what the two missed."""
     for kept in Path(__file__).parent.rglob("__pycache__/*.nb[ic]"):
         kept.unlink()
+    with ProcessPoolExecutor(len(_KINDS), mp_context=get_context("spawn")) as processes:
+        for _ in processes.map(_warm_up, _KINDS):
+            pass
+    for kind in _KINDS:
+        _warm_up(kind)
+
+
+def _warm_up(kind: type[LidarConfig] | type[DepthConfig]) -> None:
     for preset in ("original", "datasheet"):
-        warm_up(LidarConfig.model_validate({"preset": preset}))
-        warm_up(DepthConfig.model_validate({"preset": preset}))
+        warm_up(kind.model_validate({"preset": preset}))
 
 
 if __name__ == "__main__":

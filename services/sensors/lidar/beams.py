@@ -39,12 +39,23 @@ class Beams:
         origins_m: NDArray[np.float64] = self.origin_m * ring @ self.T_sensor_lidar.rotation.T
         return origins_m + self.T_sensor_lidar.translation
 
+    def column_rotations(self) -> NDArray[np.float64]:
+        """How each column (C, 3, 3) turns `ring_directions` into the sensor's frame."""
+        cos, sin = np.cos(self.encoder_rad), np.sin(self.encoder_rad)
+        zero, one = np.zeros_like(cos), np.ones_like(cos)
+        turns = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one], axis=-1).reshape(-1, 3, 3)
+        rotations: NDArray[np.float64] = self.T_sensor_lidar.rotation @ turns
+        return rotations
+
+    def ring_directions(self) -> NDArray[np.float64]:
+        """Unit vectors (R, 3) of the beams while the encoder points along x."""
+        flat = np.cos(self.elevation_rad)
+        x, y = flat * np.cos(self.azimuth_rad), flat * np.sin(self.azimuth_rad)
+        return np.stack([x, y, np.sin(self.elevation_rad)], axis=-1)
+
     def directions(self) -> NDArray[np.float64]:
         """Unit vectors (C, R, 3) in the sensor's frame."""
-        azimuth = self.encoder_rad[:, np.newaxis] + self.azimuth_rad
-        flat, up = np.broadcast_arrays(np.cos(self.elevation_rad), np.sin(self.elevation_rad))
-        vectors = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.broadcast_to(up, azimuth.shape)], -1)
-        directions: NDArray[np.float64] = vectors @ self.T_sensor_lidar.rotation.T
+        directions: NDArray[np.float64] = np.einsum("cij,rj->cri", self.column_rotations(), self.ring_directions())
         return directions
 
 

@@ -46,7 +46,8 @@ class LidarEffects:
     def __init__(self, config: LidarConfig, beams: Beams, scene: Scene, num_robot_shapes: int, seed: int) -> None:
         self._seed = np.uint64(seed)
         self._origins_m = beams.origins_m().astype(np.float32)
-        self._directions = beams.directions().astype(np.float32)
+        self._rotations = beams.column_rotations().astype(np.float32)
+        self._directions = beams.ring_directions().astype(np.float32)
         surfaces = [config.surfaces.get(material, config.surfaces["default"]) for material in scene.materials]
         self._surfaces = np.array([_surface_row(surface, config.incidence_fade_deg) for surface in surfaces])
         self._surfaces = self._surfaces.reshape(-1, 4).astype(np.float32)[scene.shape]
@@ -71,7 +72,8 @@ class LidarEffects:
         measured_m, intensity, counts = measured_ranges(
             *seen, self._detection, self._noise_m, self._gate_m, self._seed, stamp_ns
         )
-        return Returns(*packed(measured_m, intensity, counts, face, true_range_m, self._origins_m, self._directions))
+        beams = self._origins_m, self._rotations, self._directions
+        return Returns(*packed(measured_m, intensity, counts, face, true_range_m, *beams))
 
 
 def _surface_row(surface: SurfaceConfig, fade_deg: float) -> tuple[float, float, float, float]:

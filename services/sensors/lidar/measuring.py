@@ -146,9 +146,13 @@ def packed(
     face: Ints,
     true_range_m: Floats,
     origins_m: Floats,
+    rotations: Floats,
     directions: Floats,
 ) -> tuple[Any, ...]:
-    """The returns ring by ring: points (N, 3), column, ring, intensity, face, true range."""
+    """The returns ring by ring: points (N, 3), column, ring, intensity, face, true range.
+
+    origins_m (C, 3), rotations (C, 3, 3), directions (R, 3): see `Beams`.
+    """
     num_columns, num_rings = measured_m.shape
     starts = np.cumsum(counts) - counts
     total = counts.sum()
@@ -160,8 +164,10 @@ def packed(
                 continue
             i = starts[r]
             starts[r] += 1
+            x, y, z = directions[r, 0], directions[r, 1], directions[r, 2]
             for axis in range(3):
-                points_m[i, axis] = origins_m[c, axis] + measured_m[c, r] * directions[c, r, axis]
+                along = rotations[c, axis, 0] * x + rotations[c, axis, 1] * y + rotations[c, axis, 2] * z
+                points_m[i, axis] = origins_m[c, axis] + measured_m[c, r] * along
             column[i], ring[i], brightness[i] = c, r, intensity[c, r]
             faces[i], truth_m[i] = face[c, r], true_range_m[c, r]
     return points_m, column, ring, brightness, faces, truth_m
