@@ -54,8 +54,7 @@ def test_a_turning_scan_straightened_is_as_near_to_the_steel_as_a_still_one():
     scan, still = scanner().scan(moving), scanner().scan(moving[:1])
     motion, T_world_lidar = motion_of(moving, ["lidar"]), FrameTree(moving[0]).T_root("lidar")
     bent_m, straight_m, still_m = (
-        mean_distance_m(points_m, T_world_lidar)
-        for points_m in (scan.points_m, deskewed(scan, motion), still.points_m)
+        mean_distance_m(points_m, T_world_lidar) for points_m in (scan.points_m, deskewed(scan, motion), still.points_m)
     )
     assert bent_m > 3 * still_m
     assert abs(straight_m / still_m - 1) < 0.05
