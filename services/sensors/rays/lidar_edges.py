@@ -16,10 +16,10 @@ from services.sensors.lidar.beams import Beams
 from services.sensors.lidar.footprint import Footprint, sub_rays
 from services.sensors.rays.bodies import Bodies
 from services.sensors.rays.culling import candidates_of
-from services.sensors.rays.kernels import kernel, loop, part
-from services.sensors.rays.lidar_moving import Column, distance2, distance_to_planes, is_aside, turn_to_group
+from services.sensors.rays.kernels import finite_loop, kernel, loop, part
+from services.sensors.rays.lidar_moving import Column, distance_to_planes, is_aside
 from services.sensors.rays.ring_table import RingTable
-from services.sensors.rays.sections import higher, rings_between, seen_from, wedge
+from services.sensors.rays.sections import seen_from
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -50,8 +50,9 @@ class Room(NamedTuple):
     """Room to work in, and for the results.
 
     body, floor, bound, is_near_edge (R,): of each beam of a column the body its axis meets, the least 1 / range of its
-    sub-rays on it, the largest on another body, and whether to cast them. outer (M, G, 2): rings that may meet a body.
-    before (R + 1,): how many beams before each are cast. The arrays from direction to plane hold their sub-rays side by
+    sub-rays on it, the largest on another body, and whether to cast them. rims (3, n): see `_rims`. Of the bodies in
+    the column clearance (M, R): by how much each axis passes within the rims; width (M,): half that of the beams there.
+    cast (R,): the beams to cast; before (R + 1,): how many of them come before each. The arrays from direction to plane hold their sub-rays side by
     side: where they meet the plane at hand, between which planes they are in a body, what they met first. cells,
     range_m, face, cos_incidence: see `EdgeHits`.
     """
@@ -60,7 +61,10 @@ class Room(NamedTuple):
     floor: Float32
     bound: Float32
     is_near_edge: NDArray[np.bool_]
-    outer: NDArray[np.int32]
+    rims: Float32
+    clearance: Float32
+    width: Float32
+    cast: NDArray[np.int32]
     before: NDArray[np.int32]
     direction: Float32
     origin_m: Float32
@@ -109,7 +113,10 @@ def room_for(bodies: Bodies, table: RingTable, num_cells: int) -> Room:
         np.empty(num_rings, np.float32),
         np.empty(num_rings, np.float32),
         np.empty(num_rings, np.bool_),
-        np.empty((len(bodies.radii_m), len(table.cos), 2), np.int32),
+        np.empty((3, int(np.diff(bodies.edge_start).max(initial=0))), np.float32),
+        np.empty((len(bodies.radii_m), num_rings), np.float32),
+        np.empty(len(bodies.radii_m), np.float32),
+        np.empty(num_rings, np.int32),
         np.empty(num_rings + 1, np.int32),
         np.zeros((3, num_lanes), np.float32),
         np.zeros((3, num_lanes), np.float32),
@@ -162,7 +169,7 @@ def edge_columns(
                     found[k], found[kept] = found[kept], found[k]
                     kept += 1
             for k in range(kept):
-                _mark_in_front(bodies, found[k], k, table, rays, frames, c, limits_m, column, room)
+                _mark_in_front(bodies, found[k], k, table, rays, frames, c, column, room)
             num = _cast_column(bodies, table, rays, frames, c, limits_m, column, found, kept, room, first_column, num)
     return num
 
@@ -190,36 +197,59 @@ def _is_in_column(
     room: Room,
     k: int,
 ) -> bool:
-    """Whether a column's sub-rays may meet a body; writes which, as the k-th, and the floor where all do."""
+    """Whether a column's sub-rays may meet a body, then its k-th; writes the floor where all do."""
     if is_aside(bodies, b, frames, origins_m, c, table.widest_rad + rays.slope, rays.start_m):
         return False
     away_m = distance_to_planes(bodies, b, origins_m, c, column.distance_m) - rays.start_m
-    start, end = bodies.corner_start[b], bodies.corner_start[b + 1]
-    seen_from(bodies.corners_m, start, end, frames, origins_m, c, column.corners)
-    angle = rays.start_m / away_m + rays.widening if away_m > 0 else math.inf
-    edges = bodies.edge_start[b], bodies.edge_start[b + 1]
-    is_any = False
-    reach_m = math.sqrt(distance2(bodies, b, origins_m, c)) + bodies.radii_m[b]
-    for g in range(len(table.cos)):
-        least, most = turn_to_group(column.corners, end - start, table.cos[g], table.sin[g], column.seen)
-        slab = rays.start_m, rays.slope + table.spread[g]
-        slack_m = slab[0] + slab[1] * reach_m
-        if least > slack_m or most < -slack_m:
-            room.outer[k, g, 0] = room.outer[k, g, 1] = 0
-            continue
-        low, high, inner_low, inner_high = wedge(
-            column.seen, end - start, slab, bodies.edge_tails, bodies.edge_heads, edges[0], edges[1]
-        )
-        if low > high:
-            room.outer[k, g, 0] = room.outer[k, g, 1] = 0
-            continue
-        first, last = rings_between(table, g, -higher(-low, angle), higher(high, angle))
-        room.outer[k, g, 0], room.outer[k, g, 1] = first, last
-        is_any |= first < last
-        if inner_low < inner_high and away_m > limits_m[0]:
-            first, last = rings_between(table, g, higher(inner_low, angle), -higher(-inner_high, angle))
-            _raise_floor(bodies, b, table, rays, frames, c, column, room, first, last)
-    return is_any
+    seen_from(bodies.corners_m, bodies.corner_start[b], bodies.corner_start[b + 1], frames, origins_m, c, column.corners)
+    num_rims = _rims(bodies, b, column, room)
+    is_known = away_m > 0 and num_rims > 0
+    width = np.float32(1.001 * (rays.start_m / away_m + rays.widening) + 1e-6 if is_known else np.inf)
+    room.width[k] = width
+    if _clear_rims(table, num_rims, room.rims, room.clearance[k]) < -width:
+        return False
+    if away_m > limits_m[0]:
+        _raise_floor(bodies, b, k, table, rays, frames, c, column, room)
+    return True
+
+
+@part
+def _rims(bodies: Any, b: int, column: Column, room: Room) -> int:
+    """Writes the planes through the origin and the edges round a body as seen from there; says how many.
+
+    Their normals point inward; a plane through an edge that is seen end-on gets a shorter one, which bounds less.
+    """
+    num = 0
+    corners, distance_m, rims = column.corners, column.distance_m, room.rims
+    for e in range(np.uint64(bodies.edge_start[b]), np.uint64(bodies.edge_start[b + 1])):
+        is_right = distance_m[bodies.edge_right[e]] > 0
+        if (distance_m[bodies.edge_left[e]] > 0) != is_right:
+            i, j = bodies.edge_tails[e], bodies.edge_heads[e]
+            x = corners[1, i] * corners[2, j] - corners[2, i] * corners[1, j]
+            y = corners[2, i] * corners[0, j] - corners[0, i] * corners[2, j]
+            z = corners[0, i] * corners[1, j] - corners[1, i] * corners[0, j]
+            scale = (1.0 if is_right else -1.0) / (math.sqrt(x * x + y * y + z * z) + 1e-9)
+            rims[0, num], rims[1, num], rims[2, num] = np.float32(scale * x), np.float32(scale * y), np.float32(scale * z)
+            num += 1
+    return num
+
+
+@finite_loop
+def _clear_rims(table: Any, num_rims: int, rims: Float32, clearance: Float32) -> Any:
+    """Writes by how much the axis of each ring passes within all rims; the largest."""
+    direction = table.direction
+    num_rings = np.uint64(len(clearance))
+    for i in range(num_rings):
+        clearance[i] = np.float32(1)
+    for e in range(num_rims):
+        x, y, z = rims[0, e], rims[1, e], rims[2, e]
+        for i in range(num_rings):
+            inside = x * direction[0, i] + y * direction[1, i] + z * direction[2, i]
+            clearance[i] = min(clearance[i], inside)
+    largest = np.float32(-1)
+    for i in range(num_rings):
+        largest = max(largest, clearance[i])
+    return largest
 
 
 @part
@@ -233,11 +263,10 @@ def _normal_seen(bodies: Any, p: int, frames: Float, c: int) -> tuple[np.float32
 
 
 @loop
-def _bound(
-    bodies: Any, b: int, table: Any, rays: Any, frames: Float, c: int, column: Column, room: Room, rings: Any, sign: int
-) -> None:
-    """Writes the largest (sign 1) or least (-1) 1 / range at which sub-rays of these rings may meet a body."""
-    for i in range(np.uint64(rings[0]), np.uint64(rings[1])):
+def _bound(bodies: Any, b: int, table: Any, rays: Any, frames: Float, c: int, column: Column, room: Room, sign: int) -> None:
+    """Writes the largest (sign 1) or least (-1) 1 / range at which sub-rays may meet a body."""
+    num_rings = np.uint64(len(room.bound))
+    for i in range(num_rings):
         room.bound[i] = np.float32(np.inf)
     for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
         nearest_m = column.distance_m[p] - sign * rays.start_m
@@ -248,7 +277,7 @@ def _bound(
         slack = np.float32(sign * (1.01 * rays.widening + 1e-6))
         if sign < 0 and column.distance_m[p] <= rays.start_m:
             scale = np.float32(0)
-        for i in range(np.uint64(rings[0]), np.uint64(rings[1])):
+        for i in range(num_rings):
             direction = x * table.direction[0, i] + y * table.direction[1, i] + z * table.direction[2, i]
             inverse = scale * (slack - direction)
             room.bound[i] = inverse if inverse < room.bound[i] else room.bound[i]
@@ -256,52 +285,34 @@ def _bound(
 
 @part
 def _raise_floor(
-    bodies: Any,
-    b: int,
-    table: Any,
-    rays: Any,
-    frames: Float,
-    c: int,
-    column: Column,
-    room: Room,
-    first: int,
-    last: int,
+    bodies: Any, b: int, k: int, table: Any, rays: Any, frames: Float, c: int, column: Column, room: Room
 ) -> None:
     """Where a body fills the beams whose axes meet it: their sub-rays meet nothing farther than that."""
+    body, clearance, width = room.body, room.clearance[k], room.width[k]
     is_met = False
-    for i in range(np.uint64(first), np.uint64(last)):
-        is_met |= room.body[i] == b
+    for i in range(np.uint64(len(body))):
+        is_met |= (body[i] == b) & (clearance[i] > width)
     if is_met:
-        _bound(bodies, b, table, rays, frames, c, column, room, (first, last), -1)
-        for i in range(np.uint64(first), np.uint64(last)):
-            if room.body[i] == b:
-                room.floor[i] = room.bound[i]
+        _bound(bodies, b, table, rays, frames, c, column, room, -1)
+        for i in range(np.uint64(len(body))):
+            is_filled = (body[i] == b) & (clearance[i] > width)
+            room.floor[i] = room.bound[i] if is_filled else room.floor[i]
 
 
 @part
 def _mark_in_front(
-    bodies: Any,
-    b: int,
-    k: int,
-    table: Any,
-    rays: Any,
-    frames: Float,
-    c: int,
-    limits_m: Any,
-    column: Column,
-    room: Room,
+    bodies: Any, b: int, k: int, table: Any, rays: Any, frames: Float, c: int, column: Column, room: Room
 ) -> None:
     """Marks beams whose sub-rays may meet this body before the one that their axes meet."""
-    for g in range(len(table.cos)):
-        first, last = room.outer[k, g, 0], room.outer[k, g, 1]
-        is_other = False
-        for i in range(np.uint64(first), np.uint64(last)):
-            is_other |= room.body[i] != b
-        if not is_other:
-            continue
-        _bound(bodies, b, table, rays, frames, c, column, room, (first, last), 1)
-        for i in range(np.uint64(first), np.uint64(last)):
-            room.is_near_edge[i] |= room.body[i] != b and room.bound[i] >= room.floor[i]
+    body, clearance, width = room.body, room.clearance[k], room.width[k]
+    is_other = False
+    for i in range(np.uint64(len(body))):
+        is_other |= (body[i] != b) & (clearance[i] >= -width)
+    if is_other:
+        _bound(bodies, b, table, rays, frames, c, column, room, 1)
+        for i in range(np.uint64(len(body))):
+            is_in_front = (body[i] != b) & (clearance[i] >= -width) & (room.bound[i] >= room.floor[i])
+            room.is_near_edge[i] |= is_in_front
 
 
 @part
@@ -320,12 +331,15 @@ def _cast_column(
     num: int,
 ) -> int:
     """Casts the sub-rays of all beams of a column that are marked, and keeps the beams that have an edge."""
-    _gather(rays, np.float32(1 / limits_m[1]), np.float32(limits_m[1]), room)
+    num_cast = _gather(rays, np.float32(1 / limits_m[1]), np.float32(limits_m[1]), room)
     for k in range(kept):
-        for g in range(len(table.cos)):
-            first, last = room.before[room.outer[k, g, 0]], room.before[room.outer[k, g, 1]]
-            if first < last:
-                _cast(bodies, found[k], frames, c, np.float32(limits_m[0]), column, room, first, last)
+        first, last = 0, num_cast
+        while first < last and room.clearance[k, room.cast[first]] < -room.width[k]:
+            first += 1
+        while first < last and room.clearance[k, room.cast[last - 1]] < -room.width[k]:
+            last -= 1
+        if first < last:
+            _cast(bodies, found[k], frames, c, np.float32(limits_m[0]), column, room, first, last)
     num_rings = len(table.place)
     for r in range(num_rings):
         i = table.place[r]
@@ -338,7 +352,7 @@ def _cast_column(
 
 
 @part
-def _gather(rays: Any, least: Any, far_m: Any, room: Room) -> None:
+def _gather(rays: Any, least: Any, far_m: Any, room: Room) -> int:
     """Lays the sub-rays of the beams to cast side by side, and counts those beams."""
     num = 0
     for i in range(len(room.body)):
@@ -348,12 +362,14 @@ def _gather(rays: Any, least: Any, far_m: Any, room: Room) -> None:
                 for n in range(_LANES):
                     room.direction[axis, num * _LANES + n] = rays.direction[axis, i, n]
                     room.origin_m[axis, num * _LANES + n] = rays.origin_m[axis, i, n]
+            room.cast[num] = i
             num += 1
     room.before[len(room.body)] = num
     for n in range(num * _LANES):
         room.cast_m[n] = far_m
     for n in range(num * _LANES):
         room.plane[n] = -1
+    return num
 
 
 @loop
