@@ -52,7 +52,7 @@ class Room(NamedTuple):
     body, floor, bound, is_near_edge (R,): of each beam of a column the body its axis meets, the least 1 / range of its
     sub-rays on it, the largest on another body, and whether to cast them. rims (3, n): see `_rims`. Of the bodies in
     the column clearance (M, R): by how much each axis passes within the rims; width (M,): half that of the beams there.
-    cast (R,): the beams to cast; before (R + 1,): how many of them come before each. The arrays from direction to plane hold their sub-rays side by
+    ring (R,): of the beams to cast. The arrays from direction to plane hold their sub-rays side by
     side: where they meet the plane at hand, between which planes they are in a body, what they met first. cells,
     range_m, face, cos_incidence: see `EdgeHits`.
     """
@@ -64,8 +64,7 @@ class Room(NamedTuple):
     rims: Float32
     clearance: Float32
     width: Float32
-    cast: NDArray[np.int32]
-    before: NDArray[np.int32]
+    ring: NDArray[np.int32]
     direction: Float32
     origin_m: Float32
     along: Float32
@@ -117,7 +116,6 @@ def room_for(bodies: Bodies, table: RingTable, num_cells: int) -> Room:
         np.empty((len(bodies.radii_m), num_rings), np.float32),
         np.empty(len(bodies.radii_m), np.float32),
         np.empty(num_rings, np.int32),
-        np.empty(num_rings + 1, np.int32),
         np.zeros((3, num_lanes), np.float32),
         np.zeros((3, num_lanes), np.float32),
         np.empty(num_lanes, np.float32),
@@ -331,40 +329,38 @@ def _cast_column(
     num: int,
 ) -> int:
     """Casts the sub-rays of all beams of a column that are marked, and keeps the beams that have an edge."""
-    num_cast = _gather(rays, np.float32(1 / limits_m[1]), np.float32(limits_m[1]), room)
+    num_cast = _gather(table, rays, np.float32(1 / limits_m[1]), np.float32(limits_m[1]), room)
     for k in range(kept):
         first, last = 0, num_cast
-        while first < last and room.clearance[k, room.cast[first]] < -room.width[k]:
+        while first < last and room.clearance[k, table.place[room.ring[first]]] < -room.width[k]:
             first += 1
-        while first < last and room.clearance[k, room.cast[last - 1]] < -room.width[k]:
+        while first < last and room.clearance[k, table.place[room.ring[last - 1]]] < -room.width[k]:
             last -= 1
         if first < last:
             _cast(bodies, found[k], frames, c, np.float32(limits_m[0]), column, room, first, last)
-    num_rings = len(table.place)
-    for r in range(num_rings):
-        i = table.place[r]
-        first = room.before[i] * _LANES
-        if room.before[i] < room.before[i + 1] and _has_edge(bodies, room, first):
-            room.cells[num] = (first_column + c) * num_rings + r
-            _keep(bodies, room, frames, c, first, num)
+    for n in range(num_cast):
+        if _has_edge(bodies, room, n * _LANES):
+            room.cells[num] = (first_column + c) * len(table.place) + room.ring[n]
+            _keep(bodies, room, frames, c, n * _LANES, num)
             num += 1
     return num
 
 
 @part
-def _gather(rays: Any, least: Any, far_m: Any, room: Room) -> int:
+def _gather(table: Any, rays: Any, least: Any, far_m: Any, room: Room) -> int:
     """Lays the sub-rays of the beams to cast side by side, and counts those beams."""
+    for i in range(np.uint64(len(room.body))):
+        room.is_near_edge[i] |= (room.body[i] >= 0) & (room.floor[i] < least)
     num = 0
-    for i in range(len(room.body)):
-        room.before[i] = num
-        if room.is_near_edge[i] or (room.body[i] >= 0 and room.floor[i] < least):
+    for r in range(len(table.place)):
+        i = table.place[r]
+        if room.is_near_edge[i]:
             for axis in range(3):
                 for n in range(_LANES):
                     room.direction[axis, num * _LANES + n] = rays.direction[axis, i, n]
                     room.origin_m[axis, num * _LANES + n] = rays.origin_m[axis, i, n]
-            room.cast[num] = i
+            room.ring[num] = r
             num += 1
-    room.before[len(room.body)] = num
     for n in range(num * _LANES):
         room.cast_m[n] = far_m
     for n in range(num * _LANES):
