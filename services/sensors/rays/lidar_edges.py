@@ -53,7 +53,7 @@ class Room(NamedTuple):
     sub-rays on it, the largest on another body, and whether to cast them. rims (3, n): see `_rims`. Of the bodies in
     the column clearance (M, R): by how much each axis passes within the rims; width (M,): half that of the beams there.
     ring (R,): of the beams to cast. The arrays from direction to plane hold their sub-rays side by
-    side: where they meet the plane at hand, between which planes they are in a body, what they met first. cells,
+    side: between which planes they are in a body, what they met first. cells,
     range_m, face, cos_incidence: see `EdgeHits`.
     """
 
@@ -67,8 +67,6 @@ class Room(NamedTuple):
     ring: NDArray[np.int32]
     direction: Float32
     origin_m: Float32
-    along: Float32
-    meets_m: Float32
     entry_m: Float32
     exit_m: Float32
     entry_plane: NDArray[np.int32]
@@ -118,8 +116,6 @@ def room_for(bodies: Bodies, table: RingTable, num_cells: int) -> Room:
         np.empty(num_rings, np.int32),
         np.zeros((3, num_lanes), np.float32),
         np.zeros((3, num_lanes), np.float32),
-        np.empty(num_lanes, np.float32),
-        np.empty(num_lanes, np.float32),
         np.empty(num_lanes, np.float32),
         np.empty(num_lanes, np.float32),
         np.empty(num_lanes, np.int32),
@@ -382,8 +378,7 @@ def _cast(
     for n in range(start, end):
         room.exit_m[n] = np.float32(np.inf)
     for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
-        _meet_plane(_normal_seen(bodies, p, frames, c), np.float32(column.distance_m[p]), room, start, end)
-        _narrow(np.int32(p), room, start, end)
+        _narrow(np.int32(p), _normal_seen(bodies, p, frames, c), np.float32(column.distance_m[p]), room, start, end)
     for n in range(start, end):
         is_before = room.entry_m[n] >= near_m
         range_m = room.entry_m[n] if is_before else room.exit_m[n]
@@ -394,27 +389,19 @@ def _cast(
 
 
 @loop
-def _meet_plane(normal: Any, before_m: Any, room: Room, start: Any, end: Any) -> None:
-    """Writes where sub-rays meet a plane, and how fast they go along its normal."""
+def _narrow(p: Any, normal: Any, before_m: Any, room: Room, start: Any, end: Any) -> None:
+    """Narrows where sub-rays are in a body by where they meet a plane of it, from so far before it on."""
     x, y, z = normal
-    along, range_m, direction, origin_m = room.along, room.meets_m, room.direction, room.origin_m
-    for n in range(start, end):
-        along[n] = x * direction[0, n] + y * direction[1, n] + z * direction[2, n]
-    for n in range(start, end):
-        range_m[n] = -(before_m + x * origin_m[0, n] + y * origin_m[1, n] + z * origin_m[2, n]) / along[n]
-
-
-@loop
-def _narrow(p: Any, room: Room, start: Any, end: Any) -> None:
-    along, range_m = room.along, room.meets_m
+    direction, origin_m = room.direction, room.origin_m
     entry_m, exit_m, entry_plane, exit_plane = room.entry_m, room.exit_m, room.entry_plane, room.exit_plane
     for n in range(start, end):
-        is_later = (along[n] < 0) & (range_m[n] > entry_m[n])
-        entry_m[n] = range_m[n] if is_later else entry_m[n]
+        along = x * direction[0, n] + y * direction[1, n] + z * direction[2, n]
+        range_m = -(before_m + x * origin_m[0, n] + y * origin_m[1, n] + z * origin_m[2, n]) / along
+        is_later = (along < 0) & (range_m > entry_m[n])
+        is_sooner = (along >= 0) & (range_m < exit_m[n])
+        entry_m[n] = range_m if is_later else entry_m[n]
         entry_plane[n] = p if is_later else entry_plane[n]
-    for n in range(start, end):
-        is_sooner = (along[n] >= 0) & (range_m[n] < exit_m[n])
-        exit_m[n] = range_m[n] if is_sooner else exit_m[n]
+        exit_m[n] = range_m if is_sooner else exit_m[n]
         exit_plane[n] = p if is_sooner else exit_plane[n]
 
 
