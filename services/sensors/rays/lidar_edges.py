@@ -235,10 +235,13 @@ def _clear_rims(table: Any, num_rims: int, rims: Float32, clearance: Float32) ->
     num_rings = np.uint64(len(clearance))
     for i in range(num_rings):
         clearance[i] = np.float32(1)
-    for e in range(num_rims):
-        x, y, z = rims[0, e], rims[1, e], rims[2, e]
+    for e in range(0, num_rims, 2):
+        f = min(e + 1, num_rims - 1)
+        x0, y0, z0 = rims[0, e], rims[1, e], rims[2, e]
+        x1, y1, z1 = rims[0, f], rims[1, f], rims[2, f]
         for i in range(num_rings):
-            inside = x * direction[0, i] + y * direction[1, i] + z * direction[2, i]
+            x, y, z = direction[0, i], direction[1, i], direction[2, i]
+            inside = min(x0 * x + y0 * y + z0 * z, x1 * x + y1 * y + z1 * z)
             clearance[i] = min(clearance[i], inside)
     largest = np.float32(-1)
     for i in range(num_rings):
