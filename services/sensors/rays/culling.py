@@ -40,7 +40,7 @@ def candidates_of(
     """
     middle = len(frames) // 2
     out, left, up = frames[middle, 0], frames[middle, 1], frames[middle, 2]
-    turn, shift_m = _turn_and_shift(frames, origins_m, middle)
+    turn, shift_m = turn_and_shift(frames, origins_m, middle)
     steeper = 1.5 * turn + reach[1] + 1 - math.cos(table.widest_rad)
     turn += table.widest_rad + reach[1]
     for i in range(3):
@@ -66,7 +66,7 @@ def candidates_of(
 
 
 @part
-def _turn_and_shift(frames: Float, origins_m: Float, middle: int) -> tuple[float, float]:
+def turn_and_shift(frames: Float, origins_m: Float, middle: int) -> tuple[float, float]:
     """By how much any axis of any frame differs from the middle one's, and any origin."""
     turn, shift_m = 0.0, 0.0
     for c in range(len(frames)):

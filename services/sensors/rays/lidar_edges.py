@@ -1,7 +1,8 @@
 """Beams of finite width where an edge is near: which they are, and what their sub-rays meet.
 
-For each body, column and group of rings: the elevations within which a sub-ray may meet it, and those within which all
-do. A beam may differ from its axis where its own body does not fill it, or where another body may be in front.
+The edges round a body as seen, its rims, span planes with the origin. By how much a beam's axis passes within all of
+them tells whether a sub-ray may meet the body, and whether all do. A beam may differ from its axis where its own body
+does not fill it, or where another body may be in front.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from services.sensors.lidar.beams import Beams
 from services.sensors.lidar.footprint import Footprint, sub_rays
 from services.sensors.rays.bodies import Bodies
-from services.sensors.rays.culling import candidates_of
+from services.sensors.rays.culling import candidates_of, turn_and_shift
 from services.sensors.rays.kernels import finite_loop, kernel, loop, part
 from services.sensors.rays.lidar_moving import Column, distance_to_planes, is_aside
 from services.sensors.rays.ring_table import RingTable
@@ -26,7 +27,7 @@ Float32 = NDArray[np.float32]
 
 _LANES = 8
 """Sub-rays of a beam that are cast at once; the last repeats the first."""
-_BLOCK = 4
+_BLOCK = 8
 """Columns that share a list of candidates."""
 _SAME_M = 1e-5
 """Of two surfaces no farther apart than this the one listed first is met."""
@@ -51,10 +52,10 @@ class Room(NamedTuple):
 
     body, floor, bound, is_near_edge (R,): of each beam of a column the body its axis meets, the least 1 / range of its
     sub-rays on it, the largest on another body, and whether to cast them. rims (3, n): see `_rims`. Of the bodies in
-    the column clearance (M, R): by how much each axis passes within the rims; width (M,): half that of the beams there.
-    ring (R,): of the beams to cast. The arrays from direction to plane hold their sub-rays side by
-    side: between which planes they are in a body, what they met first. cells,
-    range_m, face, cos_incidence: see `EdgeHits`.
+    the column clearance (M, R): by how much each axis passes within the rims; width (M,): half that of the beams there;
+    away_m (M,): they are no nearer. ring (R,): of the beams to cast. The arrays from direction to plane hold their
+    sub-rays side by side: between which planes they are in a body, what they met first. cells, range_m, face,
+    cos_incidence: see `EdgeHits`.
     """
 
     body: NDArray[np.int32]
@@ -64,6 +65,7 @@ class Room(NamedTuple):
     rims: Float32
     clearance: Float32
     width: Float32
+    away_m: Float
     ring: NDArray[np.int32]
     direction: Float32
     origin_m: Float32
@@ -113,6 +115,7 @@ def room_for(bodies: Bodies, table: RingTable, num_cells: int) -> Room:
         np.empty((3, int(np.diff(bodies.edge_start).max(initial=0))), np.float32),
         np.empty((len(bodies.radii_m), num_rings), np.float32),
         np.empty(len(bodies.radii_m), np.float32),
+        np.empty(len(bodies.radii_m)),
         np.empty(num_rings, np.int32),
         np.zeros((3, num_lanes), np.float32),
         np.zeros((3, num_lanes), np.float32),
@@ -155,6 +158,9 @@ def edge_columns(
         num_found = candidates_of(
             bodies, table, frames[first:last], origins_m[first:last], reach, limits_m[1], column.walls, found
         )
+        num_found = _near_block(
+            bodies, table, rays, frames[first:last], origins_m[first:last], column, found, num_found, room
+        )
         for c in range(first, last):
             _begin(table, body_of_face, face, c, limits_m[1], room)
             kept = 0
@@ -194,17 +200,60 @@ def _is_in_column(
     """Whether a column's sub-rays may meet a body, then its k-th; writes the floor where all do."""
     if is_aside(bodies, b, frames, origins_m, c, table.widest_rad + rays.slope, rays.start_m):
         return False
-    away_m = distance_to_planes(bodies, b, origins_m, c, column.distance_m) - rays.start_m
-    seen_from(bodies.corners_m, bodies.corner_start[b], bodies.corner_start[b + 1], frames, origins_m, c, column.corners)
-    num_rims = _rims(bodies, b, column, room)
-    is_known = away_m > 0 and num_rims > 0
-    width = np.float32(1.001 * (rays.start_m / away_m + rays.widening) + 1e-6 if is_known else np.inf)
-    room.width[k] = width
-    if _clear_rims(table, num_rims, room.rims, room.clearance[k]) < -width:
+    bundle = rays.start_m, rays.widening
+    if not _is_in_bundles(bodies, b, table, bundle, frames, origins_m, c, column, room, k):
         return False
-    if away_m > limits_m[0]:
+    if room.away_m[k] > limits_m[0]:
         _raise_floor(bodies, b, k, table, rays, frames, c, column, room)
     return True
+
+
+@part
+def _is_in_bundles(
+    bodies: Any,
+    b: int,
+    table: Any,
+    bundle: tuple[float, float],
+    frames: Float,
+    origins_m: Float,
+    c: int,
+    column: Column,
+    room: Room,
+    k: int,
+) -> bool:
+    """Whether a body may be within half a width at the start of a column's beams, and what is added with each metre."""
+    away_m = distance_to_planes(bodies, b, origins_m, c, column.distance_m) - bundle[0]
+    corners = bodies.corner_start[b], bodies.corner_start[b + 1]
+    seen_from(bodies.corners_m, corners[0], corners[1], frames, origins_m, c, column.corners)
+    num_rims = _rims(bodies, b, column, room)
+    is_known = away_m > 0 and num_rims > 0
+    width = np.float32(1.001 * (bundle[0] / away_m + bundle[1]) + 1e-6 if is_known else np.inf)
+    room.width[k], room.away_m[k] = width, away_m
+    return bool(_clear_rims(table, num_rims, room.rims, room.clearance[k]) >= -width)
+
+
+@part
+def _near_block(
+    bodies: Any,
+    table: Any,
+    rays: Any,
+    frames: Float,
+    origins_m: Float,
+    column: Column,
+    found: Any,
+    num_found: int,
+    room: Room,
+) -> int:
+    """Keeps the candidates that are in bundles of the middle column so wide that they hold all sub-rays of a block."""
+    middle = len(frames) // 2
+    turn, shift_m = turn_and_shift(frames, origins_m, middle)
+    bundle = rays.start_m + shift_m, rays.widening + 1.5 * turn
+    num = 0
+    for k in range(num_found):
+        if _is_in_bundles(bodies, found[k], table, bundle, frames, origins_m, middle, column, room, 0):
+            found[num] = found[k]
+            num += 1
+    return num
 
 
 @part
@@ -223,7 +272,11 @@ def _rims(bodies: Any, b: int, column: Column, room: Room) -> int:
             y = corners[2, i] * corners[0, j] - corners[0, i] * corners[2, j]
             z = corners[0, i] * corners[1, j] - corners[1, i] * corners[0, j]
             scale = (1.0 if is_right else -1.0) / (math.sqrt(x * x + y * y + z * z) + 1e-9)
-            rims[0, num], rims[1, num], rims[2, num] = np.float32(scale * x), np.float32(scale * y), np.float32(scale * z)
+            rims[0, num], rims[1, num], rims[2, num] = (
+                np.float32(scale * x),
+                np.float32(scale * y),
+                np.float32(scale * z),
+            )
             num += 1
     return num
 
@@ -260,7 +313,9 @@ def _normal_seen(bodies: Any, p: int, frames: Float, c: int) -> tuple[np.float32
 
 
 @loop
-def _bound(bodies: Any, b: int, table: Any, rays: Any, frames: Float, c: int, column: Column, room: Room, sign: int) -> None:
+def _bound(
+    bodies: Any, b: int, table: Any, rays: Any, frames: Float, c: int, column: Column, room: Room, sign: int
+) -> None:
     """Writes the largest (sign 1) or least (-1) 1 / range at which sub-rays may meet a body."""
     num_rings = np.uint64(len(room.bound))
     for i in range(num_rings):
