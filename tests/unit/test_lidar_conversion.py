@@ -239,6 +239,35 @@ def test_edges_are_those_of_the_reference(is_moving, is_staggered):
     assert num_rays <= num_cells // 200
 
 
+def thin_bars(rng: np.random.Generator) -> Scene:
+    """Leaning bars of 3 to 60 mm all round, 1 to 50 m away, and one seen nearly end-on."""
+    bars = [shape(Box((0.9, 0.01, 0.02)), 1.5, 0.1, 0, rpy_rad=(0, 0, 0.1 / 1.5))]
+    for range_m in np.geomspace(1.0, 50.0, 24):
+        azimuth_rad, height_m = rng.uniform(-np.pi, np.pi), range_m * rng.uniform(-0.35, 0.35)
+        size_m = (*rng.uniform(0.003, 0.06, 2), 0.6 * range_m)
+        place_m = range_m * np.cos(azimuth_rad), range_m * np.sin(azimuth_rad), height_m
+        bars.append(shape(Box(size_m), *place_m, rpy_rad=rng.uniform(-1.5, 1.5, 3)))
+    return scene_of(bars)
+
+
+@pytest.mark.parametrize("is_staggered", [False, True])
+def test_no_edge_of_a_thin_bar_is_missed(is_staggered):
+    rng = np.random.default_rng(12)
+    num_cells = num_wrong = 0
+    for _ in range(4):
+        conversion, reference = both(thin_bars(rng))
+        beams = staggered(rng) if is_staggered else uniform()
+        poses = on_the_move(rng, SE3.from_rpy(rng.uniform(-0.3, 0.3, 3)), [SE3.identity()])
+        conversion.scan(beams, poses, 0.05, 120.0)
+        ours, theirs = (
+            backend.edges(beams, poses, 0.05, 120.0, FOOTPRINT).cells for backend in (conversion, reference)
+        )
+        num_cells += len(theirs)
+        num_wrong += len(np.setxor1d(ours, theirs))
+    assert num_cells > 500
+    assert num_wrong <= num_cells // 500
+
+
 def test_a_bar_between_the_beams_is_found_by_their_width():
     conversion, _ = both(scene_of([shape(Box((0.002, 0.002, 2.0)), 5.0 * np.cos(0.02), 5.0 * np.sin(0.02), 0)]))
     beams, poses = uniform(), at_rest(SE3.identity(), [SE3.identity()])

@@ -26,6 +26,7 @@ class Bodies(NamedTuple):
     normals (3, P) point outward, offsets_m (P,): n @ p = offset on the plane. face (P,): its number in the scene. The
     outline of plane p is the edges outline_tails[i] -> outline_heads[i], i from outline_start[p] to
     outline_start[p + 1], corners counted from the body's first; a plane that is never met itself has none.
+    The planes on both sides of edge i, seen from outside, are edge_left[i] and edge_right[i].
     centres_m (3, M), half_axes_m (M, 3, 3), radii_m (M,): a box around each body, its half axes as columns, and a ball.
     link (M,): what it is fixed to. surface_of_plane (P,): the `surfaces_of` its face.
     """
@@ -41,6 +42,8 @@ class Bodies(NamedTuple):
     outline_start: Ints
     edge_tails: Ints
     edge_heads: Ints
+    edge_left: Ints
+    edge_right: Ints
     edge_start: Ints
     centres_m: Float
     half_axes_m: Float
@@ -60,8 +63,7 @@ def bodies_of(scene: Scene) -> Bodies:
     faces = _faces_of(scene)
     planes = _in_order_of_bodies(_joined(faces.fronts, faces.backs, faces.sides))
     centres_m, half_axes_m, radii_m = _boxes(faces, planes)
-    pairs = np.sort(np.column_stack([planes.tails, planes.heads]), axis=1)
-    edges = np.unique(np.column_stack([np.repeat(planes.body, planes.sizes), pairs]), axis=0)
+    edges = _edges_of(planes)
     return Bodies(
         corners_m=np.ascontiguousarray(faces.corners_m.T),
         corner_start=_starts(faces.body_of_corner, faces.num_bodies),
@@ -72,8 +74,10 @@ def bodies_of(scene: Scene) -> Bodies:
         outline_tails=planes.tails.astype(np.uint32),
         outline_heads=planes.heads.astype(np.uint32),
         outline_start=_ends(planes.sizes),
-        edge_tails=np.ascontiguousarray(edges[:, 1], dtype=np.uint32),
-        edge_heads=np.ascontiguousarray(edges[:, 2], dtype=np.uint32),
+        edge_tails=edges[:, 1].astype(np.uint32),
+        edge_heads=edges[:, 2].astype(np.uint32),
+        edge_left=edges[:, 3].astype(np.uint32),
+        edge_right=edges[:, 4].astype(np.uint32),
         edge_start=_starts(edges[:, 0], faces.num_bodies),
         centres_m=np.ascontiguousarray(centres_m.T),
         half_axes_m=np.ascontiguousarray(half_axes_m.transpose(0, 2, 1)),
@@ -158,6 +162,17 @@ def _faces_of(scene: Scene) -> _Faces:
         sides=sides,
         link=scene.shape_link[shape[first_face]].astype(np.int32),
     )
+
+
+def _edges_of(planes: _Planes) -> NDArray[np.int64]:
+    """Of each edge where two planes join the body, tail, head, and the planes to its left and right (E, 5)."""
+    tails, heads = planes.tails, planes.heads
+    plane = np.repeat(np.arange(len(planes.body)), planes.sizes)
+    rows = np.column_stack([planes.body[plane], np.minimum(tails, heads), np.maximum(tails, heads), tails > heads])
+    order = np.lexsort(rows.T[::-1])
+    rows, plane = rows[order], plane[order]
+    is_joint = (np.diff(rows, axis=0) == [0, 0, 0, 1]).all(axis=1)
+    return np.column_stack([rows[:-1, :3][is_joint], plane[:-1][is_joint], plane[1:][is_joint]])
 
 
 def _normals(scene: Scene) -> tuple[Float, NDArray[np.bool_]]:

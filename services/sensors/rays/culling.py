@@ -40,7 +40,8 @@ def candidates_of(
     """
     middle = len(frames) // 2
     out, left, up = frames[middle, 0], frames[middle, 1], frames[middle, 2]
-    turn, shift_m = _turn_and_shift(frames, origins_m, middle)
+    turn, shift_m = turn_and_shift(frames, origins_m, middle)
+    steeper = 1.5 * turn + reach[1] + 1 - math.cos(table.widest_rad)
     turn += table.widest_rad + reach[1]
     for i in range(3):
         walls[0, i] = -out[i]
@@ -53,20 +54,19 @@ def candidates_of(
         z = bodies.centres_m[2, b] - origins_m[middle, 2]
         radius_m = bodies.radii_m[b]
         end_m = math.sqrt(x * x + y * y + z * z) + radius_m
-        slack_m = turn * end_m + shift_m + reach[0]
-        aside_m = abs(left[0] * x + left[1] * y + left[2] * z) - slack_m
+        aside_m = abs(left[0] * x + left[1] * y + left[2] * z) - turn * end_m - shift_m - reach[0]
         if aside_m > radius_m or end_m - 2 * radius_m > far_m + shift_m + reach[0]:
             continue
         if aside_m > half_extent_m(bodies.half_axes_m, b, left[0], left[1], left[2]):
             continue
-        if not _is_beyond(walls, bodies.half_axes_m, b, x, y, z, slack_m + turn * end_m):
+        if not _is_beyond(walls, bodies.half_axes_m, b, x, y, z, steeper * end_m + shift_m + reach[0]):
             found[num] = b
             num += 1
     return num
 
 
 @part
-def _turn_and_shift(frames: Float, origins_m: Float, middle: int) -> tuple[float, float]:
+def turn_and_shift(frames: Float, origins_m: Float, middle: int) -> tuple[float, float]:
     """By how much any axis of any frame differs from the middle one's, and any origin."""
     turn, shift_m = 0.0, 0.0
     for c in range(len(frames)):

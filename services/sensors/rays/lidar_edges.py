@@ -1,7 +1,8 @@
 """Beams of finite width where an edge is near: which they are, and what their sub-rays meet.
 
-For each body, column and group of rings: the elevations within which a sub-ray may meet it, and those within which all
-do. A beam may differ from its axis where its own body does not fill it, or where another body may be in front.
+The edges round a body as seen, its rims, span planes with the origin. By how much a beam's axis passes within all of
+them tells whether a sub-ray may meet the body, and whether all do. A beam may differ from its axis where its own body
+does not fill it, or where another body may be in front.
 """
 
 from __future__ import annotations
@@ -15,18 +16,18 @@ from numpy.typing import NDArray
 from services.sensors.lidar.beams import Beams
 from services.sensors.lidar.footprint import Footprint, sub_rays
 from services.sensors.rays.bodies import Bodies
-from services.sensors.rays.culling import candidates_of
-from services.sensors.rays.kernels import kernel, loop, part
-from services.sensors.rays.lidar_moving import Column, distance2, distance_to_planes, is_aside, turn_to_group
+from services.sensors.rays.culling import candidates_of, turn_and_shift
+from services.sensors.rays.kernels import finite_loop, kernel, loop, part
+from services.sensors.rays.lidar_moving import Column, distance_to_planes, is_aside
 from services.sensors.rays.ring_table import RingTable
-from services.sensors.rays.sections import higher, rings_between, seen_from, wedge
+from services.sensors.rays.sections import seen_from
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
 _LANES = 8
 """Sub-rays of a beam that are cast at once; the last repeats the first."""
-_BLOCK = 4
+_BLOCK = 8
 """Columns that share a list of candidates."""
 _SAME_M = 1e-5
 """Of two surfaces no farther apart than this the one listed first is met."""
@@ -50,22 +51,24 @@ class Room(NamedTuple):
     """Room to work in, and for the results.
 
     body, floor, bound, is_near_edge (R,): of each beam of a column the body its axis meets, the least 1 / range of its
-    sub-rays on it, the largest on another body, and whether to cast them. outer (M, G, 2): rings that may meet a body.
-    before (R + 1,): how many beams before each are cast. The arrays from direction to plane hold their sub-rays side by
-    side: where they meet the plane at hand, between which planes they are in a body, what they met first. cells,
-    range_m, face, cos_incidence: see `EdgeHits`.
+    sub-rays on it, the largest on another body, and whether to cast them. rims (3, n): see `_rims`. Of the bodies in
+    the column clearance (M, R): by how much each axis passes within the rims; width (M,): half that of the beams there;
+    away_m (M,): they are no nearer. ring (R,): of the beams to cast. The arrays from direction to plane hold their
+    sub-rays side by side: between which planes they are in a body, what they met first. cells, range_m, face,
+    cos_incidence: see `EdgeHits`.
     """
 
     body: NDArray[np.int32]
     floor: Float32
     bound: Float32
     is_near_edge: NDArray[np.bool_]
-    outer: NDArray[np.int32]
-    before: NDArray[np.int32]
+    rims: Float32
+    clearance: Float32
+    width: Float32
+    away_m: Float
+    ring: NDArray[np.int32]
     direction: Float32
     origin_m: Float32
-    along: Float32
-    meets_m: Float32
     entry_m: Float32
     exit_m: Float32
     entry_plane: NDArray[np.int32]
@@ -109,12 +112,13 @@ def room_for(bodies: Bodies, table: RingTable, num_cells: int) -> Room:
         np.empty(num_rings, np.float32),
         np.empty(num_rings, np.float32),
         np.empty(num_rings, np.bool_),
-        np.empty((len(bodies.radii_m), len(table.cos), 2), np.int32),
-        np.empty(num_rings + 1, np.int32),
+        np.empty((3, int(np.diff(bodies.edge_start).max(initial=0))), np.float32),
+        np.empty((len(bodies.radii_m), num_rings), np.float32),
+        np.empty(len(bodies.radii_m), np.float32),
+        np.empty(len(bodies.radii_m)),
+        np.empty(num_rings, np.int32),
         np.zeros((3, num_lanes), np.float32),
         np.zeros((3, num_lanes), np.float32),
-        np.empty(num_lanes, np.float32),
-        np.empty(num_lanes, np.float32),
         np.empty(num_lanes, np.float32),
         np.empty(num_lanes, np.float32),
         np.empty(num_lanes, np.int32),
@@ -154,6 +158,9 @@ def edge_columns(
         num_found = candidates_of(
             bodies, table, frames[first:last], origins_m[first:last], reach, limits_m[1], column.walls, found
         )
+        num_found = _near_block(
+            bodies, table, rays, frames[first:last], origins_m[first:last], column, found, num_found, room
+        )
         for c in range(first, last):
             _begin(table, body_of_face, face, c, limits_m[1], room)
             kept = 0
@@ -162,7 +169,7 @@ def edge_columns(
                     found[k], found[kept] = found[kept], found[k]
                     kept += 1
             for k in range(kept):
-                _mark_in_front(bodies, found[k], k, table, rays, frames, c, limits_m, column, room)
+                _mark_in_front(bodies, found[k], k, table, rays, frames, c, column, room)
             num = _cast_column(bodies, table, rays, frames, c, limits_m, column, found, kept, room, first_column, num)
     return num
 
@@ -190,36 +197,109 @@ def _is_in_column(
     room: Room,
     k: int,
 ) -> bool:
-    """Whether a column's sub-rays may meet a body; writes which, as the k-th, and the floor where all do."""
+    """Whether a column's sub-rays may meet a body, then its k-th; writes the floor where all do."""
     if is_aside(bodies, b, frames, origins_m, c, table.widest_rad + rays.slope, rays.start_m):
         return False
-    away_m = distance_to_planes(bodies, b, origins_m, c, column.distance_m) - rays.start_m
-    start, end = bodies.corner_start[b], bodies.corner_start[b + 1]
-    seen_from(bodies.corners_m, start, end, frames, origins_m, c, column.corners)
-    angle = rays.start_m / away_m + rays.widening if away_m > 0 else math.inf
-    edges = bodies.edge_start[b], bodies.edge_start[b + 1]
-    is_any = False
-    reach_m = math.sqrt(distance2(bodies, b, origins_m, c)) + bodies.radii_m[b]
-    for g in range(len(table.cos)):
-        least, most = turn_to_group(column.corners, end - start, table.cos[g], table.sin[g], column.seen)
-        slab = rays.start_m, rays.slope + table.spread[g]
-        slack_m = slab[0] + slab[1] * reach_m
-        if least > slack_m or most < -slack_m:
-            room.outer[k, g, 0] = room.outer[k, g, 1] = 0
-            continue
-        low, high, inner_low, inner_high = wedge(
-            column.seen, end - start, slab, bodies.edge_tails, bodies.edge_heads, edges[0], edges[1]
-        )
-        if low > high:
-            room.outer[k, g, 0] = room.outer[k, g, 1] = 0
-            continue
-        first, last = rings_between(table, g, -higher(-low, angle), higher(high, angle))
-        room.outer[k, g, 0], room.outer[k, g, 1] = first, last
-        is_any |= first < last
-        if inner_low < inner_high and away_m > limits_m[0]:
-            first, last = rings_between(table, g, higher(inner_low, angle), -higher(-inner_high, angle))
-            _raise_floor(bodies, b, table, rays, frames, c, column, room, first, last)
-    return is_any
+    bundle = rays.start_m, rays.widening
+    if not _is_in_bundles(bodies, b, table, bundle, frames, origins_m, c, column, room, k):
+        return False
+    if room.away_m[k] > limits_m[0]:
+        _raise_floor(bodies, b, k, table, rays, frames, c, column, room)
+    return True
+
+
+@part
+def _is_in_bundles(
+    bodies: Any,
+    b: int,
+    table: Any,
+    bundle: tuple[float, float],
+    frames: Float,
+    origins_m: Float,
+    c: int,
+    column: Column,
+    room: Room,
+    k: int,
+) -> bool:
+    """Whether a body may be within half a width at the start of a column's beams, and what is added with each metre."""
+    away_m = distance_to_planes(bodies, b, origins_m, c, column.distance_m) - bundle[0]
+    corners = bodies.corner_start[b], bodies.corner_start[b + 1]
+    seen_from(bodies.corners_m, corners[0], corners[1], frames, origins_m, c, column.corners)
+    num_rims = _rims(bodies, b, column, room)
+    is_known = away_m > 0 and num_rims > 0
+    width = np.float32(1.001 * (bundle[0] / away_m + bundle[1]) + 1e-6 if is_known else np.inf)
+    room.width[k], room.away_m[k] = width, away_m
+    return bool(_clear_rims(table, num_rims, room.rims, room.clearance[k]) >= -width)
+
+
+@part
+def _near_block(
+    bodies: Any,
+    table: Any,
+    rays: Any,
+    frames: Float,
+    origins_m: Float,
+    column: Column,
+    found: Any,
+    num_found: int,
+    room: Room,
+) -> int:
+    """Keeps the candidates that are in bundles of the middle column so wide that they hold all sub-rays of a block."""
+    middle = len(frames) // 2
+    turn, shift_m = turn_and_shift(frames, origins_m, middle)
+    bundle = rays.start_m + shift_m, rays.widening + 1.5 * turn
+    num = 0
+    for k in range(num_found):
+        if _is_in_bundles(bodies, found[k], table, bundle, frames, origins_m, middle, column, room, 0):
+            found[num] = found[k]
+            num += 1
+    return num
+
+
+@part
+def _rims(bodies: Any, b: int, column: Column, room: Room) -> int:
+    """Writes the planes through the origin and the edges round a body as seen from there; says how many.
+
+    Their normals point inward; a plane through an edge that is seen end-on gets a shorter one, which bounds less.
+    """
+    num = 0
+    corners, distance_m, rims = column.corners, column.distance_m, room.rims
+    for e in range(np.uint64(bodies.edge_start[b]), np.uint64(bodies.edge_start[b + 1])):
+        is_right = distance_m[bodies.edge_right[e]] > 0
+        if (distance_m[bodies.edge_left[e]] > 0) != is_right:
+            i, j = bodies.edge_tails[e], bodies.edge_heads[e]
+            x = corners[1, i] * corners[2, j] - corners[2, i] * corners[1, j]
+            y = corners[2, i] * corners[0, j] - corners[0, i] * corners[2, j]
+            z = corners[0, i] * corners[1, j] - corners[1, i] * corners[0, j]
+            scale = (1.0 if is_right else -1.0) / (math.sqrt(x * x + y * y + z * z) + 1e-9)
+            rims[0, num], rims[1, num], rims[2, num] = (
+                np.float32(scale * x),
+                np.float32(scale * y),
+                np.float32(scale * z),
+            )
+            num += 1
+    return num
+
+
+@finite_loop
+def _clear_rims(table: Any, num_rims: int, rims: Float32, clearance: Float32) -> Any:
+    """Writes by how much the axis of each ring passes within all rims; the largest."""
+    direction = table.direction
+    num_rings = np.uint64(len(clearance))
+    for i in range(num_rings):
+        clearance[i] = np.float32(1)
+    for e in range(0, num_rims, 2):
+        f = min(e + 1, num_rims - 1)
+        x0, y0, z0 = rims[0, e], rims[1, e], rims[2, e]
+        x1, y1, z1 = rims[0, f], rims[1, f], rims[2, f]
+        for i in range(num_rings):
+            x, y, z = direction[0, i], direction[1, i], direction[2, i]
+            inside = min(x0 * x + y0 * y + z0 * z, x1 * x + y1 * y + z1 * z)
+            clearance[i] = min(clearance[i], inside)
+    largest = np.float32(-1)
+    for i in range(num_rings):
+        largest = max(largest, clearance[i])
+    return largest
 
 
 @part
@@ -234,10 +314,11 @@ def _normal_seen(bodies: Any, p: int, frames: Float, c: int) -> tuple[np.float32
 
 @loop
 def _bound(
-    bodies: Any, b: int, table: Any, rays: Any, frames: Float, c: int, column: Column, room: Room, rings: Any, sign: int
+    bodies: Any, b: int, table: Any, rays: Any, frames: Float, c: int, column: Column, room: Room, sign: int
 ) -> None:
-    """Writes the largest (sign 1) or least (-1) 1 / range at which sub-rays of these rings may meet a body."""
-    for i in range(np.uint64(rings[0]), np.uint64(rings[1])):
+    """Writes the largest (sign 1) or least (-1) 1 / range at which sub-rays may meet a body."""
+    num_rings = np.uint64(len(room.bound))
+    for i in range(num_rings):
         room.bound[i] = np.float32(np.inf)
     for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
         nearest_m = column.distance_m[p] - sign * rays.start_m
@@ -248,7 +329,7 @@ def _bound(
         slack = np.float32(sign * (1.01 * rays.widening + 1e-6))
         if sign < 0 and column.distance_m[p] <= rays.start_m:
             scale = np.float32(0)
-        for i in range(np.uint64(rings[0]), np.uint64(rings[1])):
+        for i in range(num_rings):
             direction = x * table.direction[0, i] + y * table.direction[1, i] + z * table.direction[2, i]
             inverse = scale * (slack - direction)
             room.bound[i] = inverse if inverse < room.bound[i] else room.bound[i]
@@ -256,52 +337,34 @@ def _bound(
 
 @part
 def _raise_floor(
-    bodies: Any,
-    b: int,
-    table: Any,
-    rays: Any,
-    frames: Float,
-    c: int,
-    column: Column,
-    room: Room,
-    first: int,
-    last: int,
+    bodies: Any, b: int, k: int, table: Any, rays: Any, frames: Float, c: int, column: Column, room: Room
 ) -> None:
     """Where a body fills the beams whose axes meet it: their sub-rays meet nothing farther than that."""
+    body, clearance, width = room.body, room.clearance[k], room.width[k]
     is_met = False
-    for i in range(np.uint64(first), np.uint64(last)):
-        is_met |= room.body[i] == b
+    for i in range(np.uint64(len(body))):
+        is_met |= (body[i] == b) & (clearance[i] > width)
     if is_met:
-        _bound(bodies, b, table, rays, frames, c, column, room, (first, last), -1)
-        for i in range(np.uint64(first), np.uint64(last)):
-            if room.body[i] == b:
-                room.floor[i] = room.bound[i]
+        _bound(bodies, b, table, rays, frames, c, column, room, -1)
+        for i in range(np.uint64(len(body))):
+            is_filled = (body[i] == b) & (clearance[i] > width)
+            room.floor[i] = room.bound[i] if is_filled else room.floor[i]
 
 
 @part
 def _mark_in_front(
-    bodies: Any,
-    b: int,
-    k: int,
-    table: Any,
-    rays: Any,
-    frames: Float,
-    c: int,
-    limits_m: Any,
-    column: Column,
-    room: Room,
+    bodies: Any, b: int, k: int, table: Any, rays: Any, frames: Float, c: int, column: Column, room: Room
 ) -> None:
     """Marks beams whose sub-rays may meet this body before the one that their axes meet."""
-    for g in range(len(table.cos)):
-        first, last = room.outer[k, g, 0], room.outer[k, g, 1]
-        is_other = False
-        for i in range(np.uint64(first), np.uint64(last)):
-            is_other |= room.body[i] != b
-        if not is_other:
-            continue
-        _bound(bodies, b, table, rays, frames, c, column, room, (first, last), 1)
-        for i in range(np.uint64(first), np.uint64(last)):
-            room.is_near_edge[i] |= room.body[i] != b and room.bound[i] >= room.floor[i]
+    body, clearance, width = room.body, room.clearance[k], room.width[k]
+    is_other = False
+    for i in range(np.uint64(len(body))):
+        is_other |= (body[i] != b) & (clearance[i] >= -width)
+    if is_other:
+        _bound(bodies, b, table, rays, frames, c, column, room, 1)
+        for i in range(np.uint64(len(body))):
+            is_in_front = (body[i] != b) & (clearance[i] >= -width) & (room.bound[i] >= room.floor[i])
+            room.is_near_edge[i] |= is_in_front
 
 
 @part
@@ -320,40 +383,43 @@ def _cast_column(
     num: int,
 ) -> int:
     """Casts the sub-rays of all beams of a column that are marked, and keeps the beams that have an edge."""
-    _gather(rays, np.float32(1 / limits_m[1]), np.float32(limits_m[1]), room)
+    num_cast = _gather(table, rays, np.float32(1 / limits_m[1]), np.float32(limits_m[1]), room)
     for k in range(kept):
-        for g in range(len(table.cos)):
-            first, last = room.before[room.outer[k, g, 0]], room.before[room.outer[k, g, 1]]
-            if first < last:
-                _cast(bodies, found[k], frames, c, np.float32(limits_m[0]), column, room, first, last)
-    num_rings = len(table.place)
-    for r in range(num_rings):
-        i = table.place[r]
-        first = room.before[i] * _LANES
-        if room.before[i] < room.before[i + 1] and _has_edge(bodies, room, first):
-            room.cells[num] = (first_column + c) * num_rings + r
-            _keep(bodies, room, frames, c, first, num)
+        first, last = 0, num_cast
+        while first < last and room.clearance[k, table.place[room.ring[first]]] < -room.width[k]:
+            first += 1
+        while first < last and room.clearance[k, table.place[room.ring[last - 1]]] < -room.width[k]:
+            last -= 1
+        if first < last:
+            _cast(bodies, found[k], frames, c, np.float32(limits_m[0]), column, room, first, last)
+    for n in range(num_cast):
+        if _has_edge(bodies, room, n * _LANES):
+            room.cells[num] = (first_column + c) * len(table.place) + room.ring[n]
+            _keep(bodies, room, frames, c, n * _LANES, num)
             num += 1
     return num
 
 
 @part
-def _gather(rays: Any, least: Any, far_m: Any, room: Room) -> None:
+def _gather(table: Any, rays: Any, least: Any, far_m: Any, room: Room) -> int:
     """Lays the sub-rays of the beams to cast side by side, and counts those beams."""
+    for i in range(np.uint64(len(room.body))):
+        room.is_near_edge[i] |= (room.body[i] >= 0) & (room.floor[i] < least)
     num = 0
-    for i in range(len(room.body)):
-        room.before[i] = num
-        if room.is_near_edge[i] or (room.body[i] >= 0 and room.floor[i] < least):
+    for r in range(len(table.place)):
+        i = table.place[r]
+        if room.is_near_edge[i]:
             for axis in range(3):
                 for n in range(_LANES):
                     room.direction[axis, num * _LANES + n] = rays.direction[axis, i, n]
                     room.origin_m[axis, num * _LANES + n] = rays.origin_m[axis, i, n]
+            room.ring[num] = r
             num += 1
-    room.before[len(room.body)] = num
     for n in range(num * _LANES):
         room.cast_m[n] = far_m
     for n in range(num * _LANES):
         room.plane[n] = -1
+    return num
 
 
 @loop
@@ -370,8 +436,7 @@ def _cast(
     for n in range(start, end):
         room.exit_m[n] = np.float32(np.inf)
     for p in range(bodies.plane_start[b], bodies.plane_start[b + 1]):
-        _meet_plane(_normal_seen(bodies, p, frames, c), np.float32(column.distance_m[p]), room, start, end)
-        _narrow(np.int32(p), room, start, end)
+        _narrow(np.int32(p), _normal_seen(bodies, p, frames, c), np.float32(column.distance_m[p]), room, start, end)
     for n in range(start, end):
         is_before = room.entry_m[n] >= near_m
         range_m = room.entry_m[n] if is_before else room.exit_m[n]
@@ -382,27 +447,19 @@ def _cast(
 
 
 @loop
-def _meet_plane(normal: Any, before_m: Any, room: Room, start: Any, end: Any) -> None:
-    """Writes where sub-rays meet a plane, and how fast they go along its normal."""
+def _narrow(p: Any, normal: Any, before_m: Any, room: Room, start: Any, end: Any) -> None:
+    """Narrows where sub-rays are in a body by where they meet a plane of it, from so far before it on."""
     x, y, z = normal
-    along, range_m, direction, origin_m = room.along, room.meets_m, room.direction, room.origin_m
-    for n in range(start, end):
-        along[n] = x * direction[0, n] + y * direction[1, n] + z * direction[2, n]
-    for n in range(start, end):
-        range_m[n] = -(before_m + x * origin_m[0, n] + y * origin_m[1, n] + z * origin_m[2, n]) / along[n]
-
-
-@loop
-def _narrow(p: Any, room: Room, start: Any, end: Any) -> None:
-    along, range_m = room.along, room.meets_m
+    direction, origin_m = room.direction, room.origin_m
     entry_m, exit_m, entry_plane, exit_plane = room.entry_m, room.exit_m, room.entry_plane, room.exit_plane
     for n in range(start, end):
-        is_later = (along[n] < 0) & (range_m[n] > entry_m[n])
-        entry_m[n] = range_m[n] if is_later else entry_m[n]
+        along = x * direction[0, n] + y * direction[1, n] + z * direction[2, n]
+        range_m = -(before_m + x * origin_m[0, n] + y * origin_m[1, n] + z * origin_m[2, n]) / along
+        is_later = (along < 0) & (range_m > entry_m[n])
+        is_sooner = (along >= 0) & (range_m < exit_m[n])
+        entry_m[n] = range_m if is_later else entry_m[n]
         entry_plane[n] = p if is_later else entry_plane[n]
-    for n in range(start, end):
-        is_sooner = (along[n] >= 0) & (range_m[n] < exit_m[n])
-        exit_m[n] = range_m[n] if is_sooner else exit_m[n]
+        exit_m[n] = range_m if is_sooner else exit_m[n]
         exit_plane[n] = p if is_sooner else exit_plane[n]
 
 

@@ -77,36 +77,6 @@ def _between(x0: float, z0: float, x1: float, z1: float) -> tuple[float, float]:
 
 
 @part
-def span(seen: Float, left: int, tails: Ints, heads: Ints, first: int, last: int) -> Any:
-    """Like `cut` of a whole body by its edges; where the axis runs through it the span may be too wide.
-
-    Also whether it is exact.
-    """
-    low, high = math.inf, -math.inf
-    lowest, highest = math.inf, -math.inf
-    is_across_axis = False
-    for e in range(np.uint64(first), np.uint64(last)):
-        i, j = tails[e], heads[e]
-        a, b = seen[left, i], seen[left, j]
-        if (a > 0) != (b > 0):
-            share = a / (a - b)
-            x = seen[0, i] + share * (seen[0, j] - seen[0, i])
-            z = seen[2, i] + share * (seen[2, j] - seen[2, i])
-            lowest, highest = min(lowest, z), max(highest, z)
-            if x > 0:
-                low, high = min(low, z / x), max(high, z / x)
-            else:
-                is_across_axis = True
-    if low > high or not is_across_axis:
-        return low, high, True
-    if highest < 0:
-        return -math.inf, high, True
-    if lowest > 0:
-        return low, math.inf, True
-    return -math.inf, math.inf, False
-
-
-@part
 def rings_between(table: Any, group: int, low: float, high: float) -> tuple[int, int]:
     """The rings of a group that look between two elevations: the first, and the one behind the last."""
     if low > high:
@@ -129,34 +99,3 @@ def _first_at_or_below(table: Any, group: int, tangent: float) -> Any:
     while i < end and table.tangent[i] > tangent:
         i += 1
     return i
-
-
-@part
-def wedge(seen: Float, num: int, slab: Any, tails: Ints, heads: Ints, first: int, last: int) -> Any:
-    """Outer and inner (low, high) of a convex body in the wedge |left| <= slab[0] + slab[1] * outward.
-
-    Whatever of the body is in the wedge lies between the outer elevations; between the inner ones it fills the wedge
-    from side to side. seen (5, n): of its corners; rows 3 and 4 are written to. The edges are those from `first` on.
-    """
-    low, high = math.inf, -math.inf
-    for i in range(num):
-        width_m = slab[0] + slab[1] * seen[0, i]
-        seen[3, i], seen[4, i] = seen[1, i] - width_m, seen[1, i] + width_m
-        if abs(seen[1, i]) <= width_m:
-            elevation = seen[2, i] / seen[0, i]
-            low = min(low, elevation) if seen[0, i] > 0 else -math.inf
-            high = max(high, elevation) if seen[0, i] > 0 else math.inf
-    low_1, high_1, is_exact_1 = span(seen, 3, tails, heads, first, last)
-    low_2, high_2, is_exact_2 = span(seen, 4, tails, heads, first, last)
-    low, high = min(low, low_1, low_2), max(high, high_1, high_2)
-    if not (is_exact_1 and is_exact_2):
-        return low, high, math.inf, -math.inf
-    return low, high, max(low_1, low_2), min(high_1, high_2)
-
-
-@part
-def higher(tangent: float, by: float) -> float:
-    """The tangent of an elevation raised by an angle of tangent `by`; inf from straight up on."""
-    if math.isinf(tangent) or tangent * by >= 1:
-        return tangent if math.isinf(tangent) else math.inf
-    return (tangent + by) / (1 - tangent * by)
