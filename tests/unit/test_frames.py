@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,19 @@ def test_the_motion_of_frames_is_that_of_their_trees(num, parents):
             expected = FrameTree(each).T_root(frame)
             np.testing.assert_allclose(R[i, k], expected.rotation, atol=1e-12)
             np.testing.assert_allclose(t[i, k], expected.translation, atol=1e-12)
+
+
+@pytest.mark.parametrize("num", [1, 3])
+def test_quaternions_that_are_not_quite_of_length_1_are_rotations_still(num):
+    messages = [arm(i * 10, 0.5) for i in range(num)]
+    poses = np.array(messages[0].T_parent_child) * [1, 1, 1, *[1.0009] * 4]
+    off = [replace(each, T_parent_child=poses) for each in messages]
+    for frame in ("a", "b"):
+        expected = FrameTree(messages[0]).T_root(frame)
+        np.testing.assert_allclose(FrameTree(off[0]).T_root(frame).matrix, expected.matrix, atol=1e-12)
+        R, t = motion_of(off, [frame]).at([0])
+        np.testing.assert_allclose(R[0, 0], expected.rotation, atol=1e-12)
+        np.testing.assert_allclose(t[0, 0], expected.translation, atol=1e-12)
 
 
 def test_a_motion_of_unknown_frames_or_of_nothing():

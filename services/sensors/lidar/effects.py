@@ -29,7 +29,8 @@ class Returns:
     """What came back (N,), ring by ring: points_m (N, 3) in the sensor's frame, column, ring, intensity.
 
     intensity: 255 times reflectivity and the cosine of incidence, which is the signal corrected for range. face,
-    true_range_m: what was truly met, and where; of a mixed pixel, by the nearest of its sub-rays that came back.
+    true_range_m: what was truly met, and where; of a mixed pixel, by the nearest of its sub-rays that came back. Both
+    are (0,) unless the truth is asked for.
     """
 
     points_m: Floats
@@ -59,6 +60,7 @@ class LidarEffects:
         self._noise_m = np.array([config.range_noise_m, config.weak_range_noise_m, config.range_quantum_m])
         self._gate_m = np.array([config.min_range_m, config.max_range_m, beams.origin_m])
         self._pulse_m = config.pulse_m
+        self._with_truth = config.truth
 
     def apply(self, hits: Hits, edges: EdgeHits | None, stamp_ns: int) -> Returns:
         """What the sensor reports of these hits. edges: None = beams are lines."""
@@ -73,7 +75,7 @@ class LidarEffects:
             *seen, self._detection, self._noise_m, self._gate_m, self._seed, stamp_ns
         )
         beams = self._origins_m, self._rotations, self._directions
-        return Returns(*packed(measured_m, intensity, counts, face, true_range_m, *beams))
+        return Returns(*packed(measured_m, intensity, counts, face, true_range_m, *beams, self._with_truth))
 
 
 def _surface_row(surface: SurfaceConfig, fade_deg: float) -> tuple[float, float, float, float]:

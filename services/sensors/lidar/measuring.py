@@ -148,8 +148,9 @@ def packed(
     origins_m: Floats,
     rotations: Floats,
     directions: Floats,
+    with_truth: bool,
 ) -> tuple[Any, ...]:
-    """The returns ring by ring: points (N, 3), column, ring, intensity, face, true range.
+    """The returns ring by ring: points (N, 3), column, ring, intensity, face, true range; the last two (0,) untold.
 
     origins_m (C, 3), rotations (C, 3, 3), directions (R, 3): see `Beams`.
     """
@@ -157,7 +158,8 @@ def packed(
     starts = np.cumsum(counts) - counts
     total = counts.sum()
     points_m, column, ring = np.empty((total, 3), np.float32), np.empty(total, np.int32), np.empty(total, np.uint16)
-    brightness, faces, truth_m = np.empty(total, np.float32), np.empty(total, np.int32), np.empty(total, np.float32)
+    brightness, num_told = np.empty(total, np.float32), total if with_truth else 0
+    faces, truth_m = np.empty(num_told, np.int32), np.empty(num_told, np.float32)
     for c in range(num_columns):
         for r in range(num_rings):
             if measured_m[c, r] == -1.0:
@@ -169,5 +171,6 @@ def packed(
                 along = rotations[c, axis, 0] * x + rotations[c, axis, 1] * y + rotations[c, axis, 2] * z
                 points_m[i, axis] = origins_m[c, axis] + measured_m[c, r] * along
             column[i], ring[i], brightness[i] = c, r, intensity[c, r]
-            faces[i], truth_m[i] = face[c, r], true_range_m[c, r]
+            if with_truth:
+                faces[i], truth_m[i] = face[c, r], true_range_m[c, r]
     return points_m, column, ring, brightness, faces, truth_m
