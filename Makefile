@@ -3,10 +3,11 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+KERNELS := $(VENV)/.kernels
 
-.PHONY: setup demo test check lock clean
+.PHONY: setup ouster demo test check lock clean
 
-setup: $(STAMP)
+setup: $(KERNELS)
 
 $(STAMP): requirements-dev.lock pyproject.toml tools/system-libraries.sh
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || \
@@ -15,6 +16,19 @@ $(STAMP): requirements-dev.lock pyproject.toml tools/system-libraries.sh
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	touch $@
+
+$(KERNELS): $(STAMP) $(shell find services/sensors -name '*.py')
+	$(BIN)/python -m services.sensors.compile_kernels
+	touch $@
+
+# What reads an Ouster's pcap, in an environment of its own: its pins break the main one
+OUSTER := .venv-ouster
+ouster: $(OUSTER)/.installed
+
+$(OUSTER)/.installed: requirements-ouster.lock
+	$(PYTHON) -m venv $(OUSTER)
+	$(OUSTER)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-ouster.lock
 	touch $@
 
 demo: setup
@@ -35,6 +49,7 @@ COMPILE := uv pip compile --quiet --python-version 3.11 --generate-hashes --no-e
 lock:
 	$(COMPILE) --output-file requirements.lock pyproject.toml
 	$(COMPILE) --constraint requirements.lock --extra dev --output-file requirements-dev.lock pyproject.toml
+	echo ouster-sdk==1.0.1 | $(COMPILE) --output-file requirements-ouster.lock -
 
 clean:
-	rm -rf $(VENV) build *.egg-info .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(OUSTER) build *.egg-info .mypy_cache .ruff_cache .hypothesis

@@ -55,7 +55,7 @@ def run_demo(config_path: Path, overrides: list[str], *, is_json: bool) -> int:
 
 def _run_pipeline(config: Config, arguments: list[str], folder: Path, is_stopping: Callable[[], bool]) -> bool:
     """Returns whether the climb was played to its end."""
-    with Pipeline(config.bus, arguments, logs_dir=folder / "logs") as pipeline:
+    with Pipeline(config, arguments, logs_dir=folder / "logs") as pipeline:
         pipeline.start(is_stopping, on_ready=lambda name: _say(f"{name} is ready"))
         if is_stopping():
             return False

@@ -8,7 +8,14 @@ from types import FrameType
 
 import typer
 
-from cli import config_commands, pipeline_commands, robot_commands, sim_commands, structure_commands
+from cli import (
+    config_commands,
+    pipeline_commands,
+    robot_commands,
+    sensor_commands,
+    sim_commands,
+    structure_commands,
+)
 from shared.errors import ConfigError, HyrecroError, InputFileError
 from shared.runtime.exit_codes import Exit
 
@@ -21,6 +28,7 @@ app = typer.Typer(
 )
 pipeline_commands.register(app)
 app.add_typer(robot_commands.app, name="robot", help="Command the robot and read its state.")
+app.add_typer(sensor_commands.app, name="sensor", help="See what the sensors see.")
 app.add_typer(sim_commands.app, name="sim", help="Pause, step, pace, reset and seed of simulated time.")
 app.add_typer(config_commands.app, name="config", help="Show or check the configuration.")
 app.add_typer(structure_commands.app, name="structure", help="Make, show and convert structures.")

@@ -15,21 +15,23 @@ from types import TracebackType
 
 from shared.errors import HyrecroError
 from shared.messaging.bus import Bus, is_reachable
-from shared.runtime.config import BusConfig
+from shared.runtime.config import Config
 
-SERVICES: dict[str, list[str]] = {
-    "recorder": ["services.recorder"],
-    "evaluator": ["services.evaluator"],
-    "mapper": ["services.mapper"],
-    "lidar": ["services.sensors", "--sensor", "lidar"],
-    "planner": ["services.planner"],
-    "sim": ["services.sim"],
-}
-START_GROUPS = (("recorder",), ("evaluator", "mapper", "lidar", "planner"), ("sim",))
-"""A group is started when the one before is ready: who listens before who speaks, so that nothing said is missed.
 
-They are stopped the other way round.
-"""
+def services_of(config: Config) -> tuple[dict[str, list[str]], ...]:
+    """What runs: name and `python -m` arguments of each service, in groups.
+
+    A group is started when the one before is ready: who listens before who speaks, so that nothing said is missed. They
+    are stopped the other way round.
+    """
+    sensors = {
+        name: ["services.sensors", "--sensor", name]
+        for name, sensor in config.sensors.named().items()
+        if sensor.enabled
+    }
+    others = {name: [f"services.{name}"] for name in ("evaluator", "mapper", "planner")}
+    return {"recorder": ["services.recorder"]}, {**others, **sensors}, {"sim": ["services.sim"]}
+
 
 _READY_TIMEOUT_S = 60.0
 _STOP_TIMEOUT_S = 10.0
@@ -47,13 +49,13 @@ class _Child:
 
 
 class Pipeline:
-    """The running processes. `arguments` (--config, --set ...) go to every service.
+    """The running processes. `arguments` (--config, --set ...) led to `config`; they go to every service.
 
     logs_dir: a file per process; None = they write to this process's stderr.
     """
 
-    def __init__(self, bus: BusConfig, arguments: list[str], *, logs_dir: Path | None = None) -> None:
-        self._bus_config = bus
+    def __init__(self, config: Config, arguments: list[str], *, logs_dir: Path | None = None) -> None:
+        self._bus_config, self._groups = config.bus, services_of(config)
         self._arguments = arguments
         self._logs_dir = logs_dir
         self._children: list[_Child] = []
@@ -73,11 +75,11 @@ class Pipeline:
             return
         on_ready("router")
         with Bus(self._bus_config, is_stopping=is_stopping) as bus:
-            for group in START_GROUPS:
+            for group in self._groups:
                 if is_stopping():
                     return
-                for name in group:
-                    self._spawn(name, ["-m", *SERVICES[name], *self._arguments])
+                for name, arguments in group.items():
+                    self._spawn(name, ["-m", *arguments, *self._arguments])
                 for name in group:
                     self._wait_until(lambda name=name: name in bus.alive(), name, is_stopping)  # type: ignore[misc]
                     if not is_stopping():

@@ -30,7 +30,7 @@ def up(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None) -> None:
     name = run_name(settings.recorder)
     stop = StopSignal()
     arguments = service_arguments(config, [*(set_ or []), f"recorder.run={name}"])
-    with Pipeline(settings.bus, arguments) as pipeline:
+    with Pipeline(settings, arguments) as pipeline:
         pipeline.start(stop.is_set)
         folder = run_folder(settings.recorder, name)
         if not stop.is_set():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -18,7 +18,6 @@ from services.recorder.recording import Recording
 from shared.errors import HyrecroError
 from shared.geometry import SE3
 from shared.messaging.channels import (
-    CHANNELS,
     HEALTH,
     LIDAR_POINTS,
     MAP_CLOUD,
@@ -26,6 +25,7 @@ from shared.messaging.channels import (
     MAP_STATUS,
     STRUCTURE_DESCRIPTION,
     TF,
+    channels_of,
 )
 from shared.messaging.frames import FrameTree
 from shared.messaging.messages import (
@@ -62,7 +62,7 @@ def score_run(recording: Recording, config: Config) -> RunReport:
     Raises:
         HyrecroError: the recording holds no odometry, map or structure to score.
     """
-    estimated, true = _paired_poses(recording)
+    estimated, true = _paired_poses(recording, config.sensors.lidar.frame)
     cloud = _last_map(recording)
     T_world_map = true[0][1] @ estimated[0][1].inv()
     map_points_m = T_world_map.apply(cloud.points_m)
@@ -79,7 +79,7 @@ def score_run(recording: Recording, config: Config) -> RunReport:
             points_m, num_planes=settings.num_planes, distance_m=settings.plane_distance_m, seed=config.seed
         )
 
-    channels = count_messages(recording)
+    channels = count_messages(recording, config.sensors.others)
     figures = {
         "ate_rmse_m": error.ate_rmse_m,
         "ate_max_m": error.ate_max_m,
@@ -100,7 +100,7 @@ def score_run(recording: Recording, config: Config) -> RunReport:
     return RunReport(figures, in_world, true, map_points_m)
 
 
-def count_messages(recording: Recording) -> dict[str, dict[str, float | int | None]]:
+def count_messages(recording: Recording, other_sensors: Iterable[str] = ()) -> dict[str, dict[str, float | int | None]]:
     """By key: published (as the publishers' heartbeats count it), recorded, lost, and the mean rate recorded.
 
     published is None for a key whose publisher sends no heartbeat, such as a person's commands.
@@ -112,7 +112,7 @@ def count_messages(recording: Recording) -> dict[str, dict[str, float | int | No
             if count.num_sent:
                 published[count.key] = published.get(count.key, 0) + count.num_sent
     counts: dict[str, dict[str, float | int | None]] = {}
-    keys = {channel.topic: channel.key_expr for channel in CHANNELS}
+    keys = {channel.topic: channel.key_expr for channel in channels_of(other_sensors)}
     for topic in recording.topics():
         key = keys.get(topic.topic) or HEALTH.of(topic.topic.rsplit("/", 1)[-1]).key_expr
         sent = published.get(key)
@@ -122,7 +122,7 @@ def count_messages(recording: Recording) -> dict[str, dict[str, float | int | No
     return counts
 
 
-def _paired_poses(recording: Recording) -> tuple[StampedPoses, StampedPoses]:
+def _paired_poses(recording: Recording, frame: str) -> tuple[StampedPoses, StampedPoses]:
     estimated = {
         odometry.stamp_ns: SE3.from_xyz_quat_xyzw(odometry.T_frame_child)
         for odometry in cast(Iterator[Odometry], recording.messages(MAP_ODOMETRY))
@@ -130,7 +130,7 @@ def _paired_poses(recording: Recording) -> tuple[StampedPoses, StampedPoses]:
     true: StampedPoses = []
     for transforms in cast(Iterator[Transforms], recording.messages(TF)):
         if transforms.stamp_ns in estimated:
-            true.append((transforms.stamp_ns, FrameTree(transforms).T_root("lidar")))
+            true.append((transforms.stamp_ns, FrameTree(transforms).T_root(frame)))
     if not true:
         raise HyrecroError(f"{recording.path}: holds no odometry with a true pose at the same time")
     return [(stamp_ns, estimated[stamp_ns]) for stamp_ns, _ in true], true

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.progress import Progress
 
 from cli.offline import climb_messages
 from services.player.player import Player
 from services.player.trajectory import read_trajectory
-from services.sensors.lidar import LidarScanner
+from services.sensors.loading import load_lidar, sensor_seed
 from shared.errors import InputFileError
 from shared.files import write_scan, write_tum
 from shared.messaging.frames import FrameTree
@@ -28,6 +29,9 @@ from shared.messaging.messages import (
     Transforms,
 )
 from shared.runtime.config import Config
+from shared.runtime.sensor_config import LidarConfig
+
+Ints = NDArray[np.int32]
 
 _FACES = {
     "box": ["-x", "+x", "-y", "+y", "-z", "+z"],
@@ -48,7 +52,9 @@ class Climb:
 
 
 def simulate(config: Config, out: Path, num_scans: int | None, progress: Progress) -> int:
-    """Writes data0.pcd ..., labels0.npy ..., labels.json, truth.tum and joints.csv; returns how many scans.
+    """Writes data0.pcd, labels0.npy, ranges0.npy ..., labels.json, truth.tum and joints.csv; returns how many scans.
+
+    Labels and ranges are the truth of each point: member and face, and metres along its beam.
 
     num_scans: evenly over the climb, its first and last moment among them; None = at the LiDAR's own rate.
 
@@ -60,17 +66,20 @@ def simulate(config: Config, out: Path, num_scans: int | None, progress: Progres
     climb = _climb(config, progress)
     out.mkdir(parents=True, exist_ok=True)
     _write_joints(out / "joints.csv", climb)
-    to_scan = [climb.transforms[row] for row in _rows_to_scan(climb.transforms, num_scans, config)]
+    rows = _rows_to_scan(climb.transforms, num_scans, config)
+    to_scan = [climb.transforms[row] for row in rows]
     frame = config.sensors.lidar.frame
     write_tum(out / "truth.tum", [(each.stamp_ns, FrameTree(each).T_root(frame)) for each in to_scan])
-    scanner = LidarScanner(config.sensors.lidar, np.random.default_rng(config.seed))
+    lidar = config.sensors.lidar.model_copy(update={"truth": True})
+    scanner = load_lidar(lidar, sensor_seed(config.seed, "lidar"))
     scanner.set_robot(cast(RobotDescription, climb.descriptions[RobotDescription]))
     scanner.set_structure(cast(StructureDescription, climb.descriptions[StructureDescription]))
-    for i, transforms in enumerate(progress.track(to_scan, description="scan")):
-        scan, labels = scanner.scan(transforms)
+    for i, row in enumerate(progress.track(rows, description="scan")):
+        scan = scanner.scan(_of_one_scan(climb.transforms, row, lidar))
         write_scan(out / f"data{i}.pcd", scan)
-        np.save(out / f"labels{i}.npy", labels)
-    names = {"columns": ["member", "face"], "members": scanner.label_names, "faces": _FACES}
+        np.save(out / f"labels{i}.npy", np.column_stack([cast(Ints, scan.member), cast(Ints, scan.face)]))
+        np.save(out / f"ranges{i}.npy", cast(NDArray[np.float32], scan.true_range_m))
+    names = {"columns": ["member", "face"], "members": scanner.member_names, "faces": _FACES}
     (out / "labels.json").write_text(json.dumps(names, indent=1) + "\n")
     return len(to_scan)
 
@@ -101,6 +110,15 @@ def _rows_to_scan(transforms: Sequence[Transforms], num_scans: int | None, confi
         return [int(row) for row in np.unique(rows)]
     periods = [each.stamp_ns * config.sensors.lidar.rate_hz // 1e9 for each in transforms]
     return [row for row, period in enumerate(periods) if row == 0 or period != periods[row - 1]]
+
+
+def _of_one_scan(transforms: Sequence[Transforms], row: int, lidar: LidarConfig) -> Sequence[Transforms]:
+    """Those from this row on that a scan needs: with a rolling shutter all until the revolution is over."""
+    if not lidar.rolling_shutter:
+        return transforms[row : row + 1]
+    end_ns = transforms[row].stamp_ns + 1e9 / lidar.rate_hz
+    later = (i for i in range(row, len(transforms)) if transforms[i].stamp_ns >= end_ns)
+    return transforms[row : next(later, len(transforms)) + 1]
 
 
 def _write_joints(path: Path, climb: Climb) -> None:

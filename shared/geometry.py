@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,9 +29,10 @@ class SE3:
         t = np.array(self.translation, dtype=np.float64)
         if R.shape != (3, 3) or t.shape != (3,):
             raise ValueError(f"SE3 needs rotation (3, 3) and translation (3,), got {R.shape} and {t.shape}")
-        if not (np.isfinite(R).all() and np.isfinite(t).all()):
+        rows = R.tolist()
+        if not all(map(math.isfinite, (*rows[0], *rows[1], *rows[2], *t.tolist()))):
             raise ValueError("SE3 values must be finite")
-        if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0:
+        if not _is_rotation(rows):
             raise ValueError("SE3 rotation must be orthonormal with determinant +1; see SE3.projected")
         R.setflags(write=False)
         t.setflags(write=False)
@@ -64,10 +66,11 @@ class SE3:
         values = np.asarray(pose, dtype=np.float64)
         if values.shape != (7,):
             raise ValueError(f"pose must be (7,) x y z qx qy qz qw, got {values.shape}")
-        norm = float(np.linalg.norm(values[3:]))
+        x, y, z, w = values[3:].tolist()
+        norm = math.sqrt(x * x + y * y + z * z + w * w)
         if not abs(norm - 1.0) < 1e-3:
             raise ValueError(f"quaternion length is {norm:.6g}, must be 1")
-        x, y, z, w = values[3:] / norm
+        x, y, z, w = x / norm, y / norm, z / norm, w / norm
         R = np.array(
             [
                 [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -205,6 +208,15 @@ class SE3:
 
     def __matmul__(self, other: SE3) -> SE3:
         return self.compose(other)
+
+
+def _is_rotation(rows: list[list[float]]) -> bool:
+    """Whether a (3, 3) matrix is orthonormal within 1e-6 and right-handed. Plain numbers: this is asked very often."""
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    lengths = a * a + b * b + c * c - 1.0, d * d + e * e + f * f - 1.0, g * g + h * h + i * i - 1.0
+    cosines = a * d + b * e + c * f, a * g + b * h + c * i, d * g + e * h + f * i
+    is_orthonormal = max(map(abs, lengths)) <= 1e-6 and max(map(abs, cosines)) <= 1e-6
+    return is_orthonormal and a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) > 0.0
 
 
 def _skew(w: Float) -> Float:

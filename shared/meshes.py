@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,60 @@ def mesh_of(solid: Solid) -> Mesh:
             return sphere(radius_m)
         case Mesh():
             return solid
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Polygons:
+    """Convex polygons, each wound counter-clockwise seen from outside.
+
+    vertices_m (V, 3): of all, one after the other. sizes (P,): how many each has. faces (P,): see `faces_of`.
+    is_convex: whether they bound one convex body.
+    """
+
+    vertices_m: NDArray[np.float64]
+    sizes: NDArray[np.int64]
+    faces: NDArray[np.int32]
+    is_convex: bool
+
+
+def polygons_of(solid: Solid) -> Polygons:
+    """The boundary of a solid as few convex polygons; the same surface as that of `mesh_of(solid)`."""
+    mesh = mesh_of(solid)
+    match solid:
+        case Box():
+            return _polygons(mesh, list(_quads(mesh)), np.arange(6))
+        case Cylinder():
+            sides, ring = _quads(mesh, _NUM_SEGMENTS), np.arange(_NUM_SEGMENTS)
+            rows = [*sides, ring[::-1], ring + _NUM_SEGMENTS]
+            return _polygons(mesh, rows, np.repeat(np.arange(3), [_NUM_SEGMENTS, 1, 1]))
+        case Sphere():
+            rows = [_without_repeats(mesh, row) for row in _quads(mesh)]
+            return _polygons(mesh, rows, np.zeros(len(rows)))
+        case Mesh():
+            sizes = np.full(len(mesh.triangles), 3, dtype=np.int64)
+            vertices_m = mesh.vertices_m.astype(np.float64)[mesh.triangles].reshape(-1, 3)
+            return Polygons(vertices_m, sizes, faces_of(solid), is_convex=False)
+
+
+def _polygons(mesh: Mesh, rows: Sequence[NDArray[np.integer]], faces: NDArray[np.integer | np.floating]) -> Polygons:
+    sizes = np.array([len(row) for row in rows], dtype=np.int64)
+    vertices_m = mesh.vertices_m.astype(np.float64)[np.concatenate(rows)]
+    return Polygons(vertices_m, sizes, faces.astype(np.int32), is_convex=True)
+
+
+def _quads(mesh: Mesh, num_quads: int | None = None) -> NDArray[np.uint32]:
+    """(Q, 4): undoes `_triangulated`, whose second half continues the quads of its first."""
+    num_quads = len(mesh.triangles) // 2 if num_quads is None else num_quads
+    first, second = mesh.triangles[:num_quads], mesh.triangles[num_quads : 2 * num_quads]
+    return np.column_stack([first, second[:, 2]])
+
+
+def _without_repeats(mesh: Mesh, row: NDArray[np.integer]) -> NDArray[np.integer]:
+    """The corners of a polygon that do not coincide with the one before: a quad at a sphere's pole is a triangle."""
+    corners = mesh.vertices_m[row]
+    is_apart = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1) > 1e-9 * np.abs(corners).max()
+    kept: NDArray[np.integer] = row[is_apart]
+    return kept
 
 
 def faces_of(solid: Solid) -> NDArray[np.int32]:

@@ -13,7 +13,6 @@ from shared.runtime.config import EvaluatorConfig
 
 M = TypeVar("M")
 
-TRUE_LIDAR_FRAME = "lidar"
 _MAX_WAITING = 1000
 
 
@@ -21,10 +20,11 @@ class Evaluator:
     """The facade: gets true transforms and odometry, pairs them by stamp, returns metrics at `config.rate_hz`.
 
     With the first pair it also returns the static transform world -> map, so that the estimate can be drawn in the
-    world; the mapper itself never learns it.
+    world; the mapper itself never learns it. true_frame: that of the scans.
     """
 
-    def __init__(self, config: EvaluatorConfig) -> None:
+    def __init__(self, config: EvaluatorConfig, true_frame: str = "lidar") -> None:
+        self._true_frame = true_frame
         self._period_ns = int(1e9 / config.rate_hz)
         self._comparison = TrajectoryComparison()
         self._true: OrderedDict[int, Transforms] = OrderedDict()
@@ -48,7 +48,7 @@ class Evaluator:
         transforms, odometry = self._true.pop(stamp_ns), self._estimated.pop(stamp_ns)
         is_first = self._comparison.T_world_map is None
         T_map_lidar = SE3.from_xyz_quat_xyzw(odometry.T_frame_child)
-        error = self._comparison.add(T_map_lidar, FrameTree(transforms).T_root(TRUE_LIDAR_FRAME))
+        error = self._comparison.add(T_map_lidar, FrameTree(transforms).T_root(self._true_frame))
         messages: list[Message] = []
         if is_first:
             messages.append(self._world_to_map(stamp_ns, transforms.frame, odometry.frame))

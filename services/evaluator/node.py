@@ -8,7 +8,7 @@ from shared.runtime.node import Context, Node
 
 def build_node(config: Config, _context: Context) -> Node:
     """The node that compares map/odometry with tf."""
-    evaluator = Evaluator(config.evaluator)
+    evaluator = Evaluator(config.evaluator, config.sensors.lidar.frame)
     return Node(
         name="evaluator",
         inputs={TF: evaluator.add_transforms, MAP_ODOMETRY: evaluator.add_odometry},

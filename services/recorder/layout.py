@@ -37,6 +37,8 @@ _SCAN_RGB = (110, 235, 140)
 _MAP_RGB = (90, 160, 255)
 _SCAN_RADIUS_UI_POINTS = 1.5
 _MAP_RADIUS_M = 0.006
+_CAMERA_SIZE_M = 0.1
+"""Of the pyramid that stands for the depth camera."""
 
 
 def write_layout(folder: Path, recording: Path) -> None:
@@ -53,6 +55,7 @@ def write_layout(folder: Path, recording: Path) -> None:
 
 def build_layout() -> rrb.Blueprint:
     """The layout itself. What a recording does not hold leaves its place empty."""
+    depth = rrb.Spatial2DView(origin=c.DEPTH_IMAGE.topic, name="Depth image")
     curves = rrb.Vertical(
         rrb.TimeSeriesView(origin=f"{c.JOINTS_STATE.topic}/position", name="Joints (rad; q2, q7 in m)"),
         _state_view(),
@@ -63,7 +66,7 @@ def build_layout() -> rrb.Blueprint:
         row_shares=[2.5, 1.4, 1.5, 1.7, 1.7, 1.6],
     )
     return rrb.Blueprint(
-        rrb.Horizontal(_space_view(), curves, column_shares=[3, 2]),
+        rrb.Horizontal(_space_view(), rrb.Vertical(depth, curves, row_shares=[3, 10]), column_shares=[3, 2]),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
@@ -74,12 +77,17 @@ def build_layout() -> rrb.Blueprint:
 def _space_view() -> rrb.Spatial3DView:
     scan = rr.Points3D.from_fields(colors=_SCAN_RGB, radii=rr.Radius.ui_points(_SCAN_RADIUS_UI_POINTS))
     cloud = rr.Points3D.from_fields(colors=_MAP_RGB, radii=_MAP_RADIUS_M)
+    camera = rr.Pinhole.from_fields(image_plane_distance=_CAMERA_SIZE_M)
     return rrb.Spatial3DView(
         origin="/",
         contents="/**",
-        name="Robot, structure, scan (green) and map (blue)",
+        name="Robot, structure, scan (green), map (blue) and depth",
         defaults=[rr.Boxes3D.from_fields(fill_mode="solid"), rr.Cylinders3D.from_fields(fill_mode="solid")],
-        overrides={c.LIDAR_POINTS.topic: scan.visualizer(), c.MAP_CLOUD.topic: cloud.visualizer()},
+        overrides={
+            c.LIDAR_POINTS.topic: scan.visualizer(),
+            c.MAP_CLOUD.topic: cloud.visualizer(),
+            c.DEPTH_CAMERA_INFO.topic: camera.visualizer(),
+        },
         spatial_information=rrb.SpatialInformation(target_frame=WORLD_FRAME, show_axes=False),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,

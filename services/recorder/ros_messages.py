@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from services.recorder import ros_schemas as ros
+from services.recorder import ros_schemas as ros, ros_sensors as sensors
 from shared.errors import MessageError
 from shared.geometry import SE3
 from shared.messaging import messages as m
@@ -21,13 +21,6 @@ from shared.messaging.codec import to_jsonable
 
 UNKNOWN = float("nan")
 NO_POSE = np.full(7, UNKNOWN)
-
-# sensor_msgs/msg/PointField: datatype constants
-_FLOAT32, _UINT32, _UINT16 = 7, 6, 4
-_XYZ_FIELDS = (("x", 0, _FLOAT32), ("y", 4, _FLOAT32), ("z", 8, _FLOAT32))
-_XYZ_DTYPE = np.dtype([("xyz", "<f4", (3,))])
-_SCAN_FIELDS = (*_XYZ_FIELDS, ("intensity", 12, _FLOAT32), ("t", 16, _UINT32), ("ring", 20, _UINT16))
-_SCAN_DTYPE = np.dtype([("xyz", "<f4", (3,)), ("intensity", "<f4"), ("t", "<u4"), ("ring", "<u2")])
 
 # rcl_interfaces/msg/Log: level constants
 LOG_LEVELS = {m.Severity.INFO: 20, m.Severity.WARNING: 30, m.Severity.ERROR: 40}
@@ -188,38 +181,7 @@ def _description(
     return ros.string(description.urdf)
 
 
-# ---- sensors and map
-
-
-def _cloud(header: object, fields: tuple[tuple[str, int, int], ...], table: NDArray[np.void]) -> object:
-    """sensor_msgs/PointCloud2 of a structured array (N,): unorganised (one row) and without invalid points."""
-    return ros.new(
-        "sensor_msgs/msg/PointCloud2",
-        header=header,
-        height=1,
-        width=len(table),
-        fields=[
-            ros.new("sensor_msgs/msg/PointField", name=name, offset=offset, datatype=datatype, count=1)
-            for name, offset, datatype in fields
-        ],
-        is_bigendian=False,
-        point_step=table.itemsize,
-        row_step=table.nbytes,
-        data=table.view(np.uint8),
-        is_dense=True,
-    )
-
-
-def _scan(scan: m.LidarScan, stamp_ns: int) -> object:
-    table = np.empty(len(scan.points_m), _SCAN_DTYPE)
-    table["xyz"], table["intensity"], table["t"], table["ring"] = scan.points_m, scan.intensity, scan.t_ns, scan.ring
-    return _cloud(ros.header(stamp_ns, scan.frame), _SCAN_FIELDS, table)
-
-
-def _point_cloud(cloud: m.PointCloud, stamp_ns: int) -> object:
-    table = np.empty(len(cloud.points_m), _XYZ_DTYPE)
-    table["xyz"] = cloud.points_m
-    return _cloud(ros.header(stamp_ns, cloud.frame), _XYZ_FIELDS, table)
+# ---- map
 
 
 def _odometry(odometry: m.Odometry, stamp_ns: int) -> object:
@@ -302,8 +264,11 @@ ROS_FORMS: Mapping[type[m.Message], RosForm] = {
     m.RobotDescription: RosForm("std_msgs/msg/String", _description),
     m.FixedFootDescription: RosForm("std_msgs/msg/String", _description),
     m.StructureDescription: RosForm("std_msgs/msg/String", _description),
-    m.LidarScan: RosForm("sensor_msgs/msg/PointCloud2", _scan),
-    m.PointCloud: RosForm("sensor_msgs/msg/PointCloud2", _point_cloud),
+    m.LidarScan: RosForm("sensor_msgs/msg/PointCloud2", sensors.scan),
+    m.Imu: RosForm("sensor_msgs/msg/Imu", sensors.imu),
+    m.DepthImage: RosForm("sensor_msgs/msg/Image", sensors.depth_image),
+    m.CameraInfo: RosForm("sensor_msgs/msg/CameraInfo", sensors.camera_info),
+    m.PointCloud: RosForm("sensor_msgs/msg/PointCloud2", sensors.point_cloud),
     m.Odometry: RosForm("nav_msgs/msg/Odometry", _odometry),
     m.MapStatus: RosForm("hyrecro_msgs/msg/MapStatus", _map_status),
     m.TrackingMetrics: RosForm("hyrecro_msgs/msg/TrackingMetrics", _tracking_metrics),

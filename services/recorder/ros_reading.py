@@ -59,11 +59,12 @@ def _columns(ros_message: Any) -> Any:
     return np.frombuffer(ros_message.data, dtype=dtype)
 
 
-_DATATYPES = {4: "<u2", 6: "<u4", 7: "<f4"}  # sensor_msgs/msg/PointField
+_DATATYPES = {4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4"}  # sensor_msgs/msg/PointField
 
 
 def _scan(ros_message: Any, seq: int) -> m.LidarScan:
     table = _columns(ros_message)
+    truth = {name: table[name] for name in ("member", "face", "true_range_m") if name in table.dtype.names}
     return m.LidarScan(
         stamp_ns=_stamp_ns(ros_message.header.stamp),
         seq=seq,
@@ -72,6 +73,7 @@ def _scan(ros_message: Any, seq: int) -> m.LidarScan:
         intensity=table["intensity"],
         t_ns=table["t"],
         ring=table["ring"],
+        **truth,
     )
 
 

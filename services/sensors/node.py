@@ -1,4 +1,4 @@
-"""Wiring of the sensors: each by its name, each a process of its own."""
+"""Wiring of the simulated sensors: each by its name, each a process of its own."""
 
 from __future__ import annotations
 
@@ -6,25 +6,64 @@ from collections.abc import Callable
 
 import numpy as np
 
-from services.sensors.lidar import LidarScanner
-from shared.messaging.channels import LIDAR_POINTS, ROBOT_DESCRIPTION, STRUCTURE_DESCRIPTION, TF
+from services.sensors.depth.camera import DepthCamera
+from services.sensors.imu import InertialUnit
+from services.sensors.lidar.scanner import LidarScanner
+from services.sensors.loading import load_lidar, sensor_seed, warm_up
+from shared.errors import ConfigError
+from shared.messaging.channels import (
+    DEPTH_POINTS,
+    ROBOT_DESCRIPTION,
+    STRUCTURE_DESCRIPTION,
+    TF,
+    sensor_channels,
+)
+from shared.messaging.frames import FrameTree
+from shared.messaging.messages import Message, Transforms
 from shared.runtime.config import Config
 from shared.runtime.node import Context, Node
+from shared.runtime.sensor_config import LidarConfig
 
 
-def build_lidar(config: Config, _context: Context) -> Node:
-    """The node that turns the true transforms into scans."""
-    scanner = LidarScanner(config.sensors.lidar, np.random.default_rng(config.seed))
+def build_node(name: str, config: Config, context: Context) -> Node:
+    """The node of one configured sensor, which turns true transforms into its measurements.
+
+    Raises:
+        ConfigError: no sensor of this name. InputFileError: its table of beams is not usable.
+    """
+    sensor = config.sensors.named().get(name)
+    if sensor is None:
+        raise ConfigError([f"sensors: no sensor '{name}'; configured are {', '.join(config.sensors.named())}"])
+    warm_up(sensor)
+    seed = sensor_seed(config.seed, name)
+    facade: LidarScanner | DepthCamera
+    if isinstance(sensor, LidarConfig):
+        facade = load_lidar(sensor, seed, name)
+    else:
+        points = DEPTH_POINTS.of_sensor(name)
+        facade = DepthCamera(sensor, seed, lambda: context.is_wanted(points), name)  # the runner lends it later
+    imu_rng = np.random.default_rng(sensor_seed(config.seed, f"{name}/imu"))
+    imu = InertialUnit(sensor.imu, sensor.frame, imu_rng, config.sim.dynamics.gravity_mps2)
     return Node(
-        name="lidar",
+        name=name,
         inputs={
-            ROBOT_DESCRIPTION: scanner.set_robot,
-            STRUCTURE_DESCRIPTION: scanner.set_structure,
-            TF: scanner.add_transforms,
+            ROBOT_DESCRIPTION: facade.set_robot,
+            STRUCTURE_DESCRIPTION: facade.set_structure,
+            TF: _feeding(facade, imu, sensor.frame),
         },
-        outputs=(LIDAR_POINTS,),
+        outputs=sensor_channels(name),
     )
 
 
-SENSORS: dict[str, Callable[[Config, Context], Node]] = {"lidar": build_lidar}
-"""Sensor name -> builder of its node."""
+def _feeding(
+    facade: LidarScanner | DepthCamera, imu: InertialUnit, frame: str
+) -> Callable[[Transforms], list[Message]]:
+    """Transforms go to the IMU as the pose of its frame, and to the sensor as they are."""
+
+    def feed(transforms: Transforms) -> list[Message]:
+        if not facade.is_ready:
+            return []
+        T_world_sensor = FrameTree(transforms).T_root(frame)
+        return [*imu.add_pose(transforms.stamp_ns, T_world_sensor), *facade.add_transforms(transforms)]
+
+    return feed

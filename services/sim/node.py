@@ -15,6 +15,7 @@ from shared.messaging.channels import (
     STRUCTURE_DESCRIPTION,
     TF,
 )
+from shared.robot.configured import robot_urdf
 from shared.robot.urdf import read_urdf
 from shared.runtime.config import Config
 from shared.runtime.node import Context, Messages, Node
@@ -25,11 +26,11 @@ def load_sim(config: Config) -> ClimbingSim:
     """The simulation of a configuration's robot on its structure.
 
     Raises:
-        InputFileError, ConfigError: one of the files is not usable.
+        InputFileError, ConfigError: one of the files is not usable, or a sensor cannot be mounted.
     """
     return ClimbingSim(
         config.sim,
-        urdf_text=read_urdf(config.robot),
+        urdf_text=robot_urdf(config),
         structure=load_structure(config.structure),
         mark_text=read_urdf(config.fixed_foot_mark),
         seed=config.seed,

@@ -12,9 +12,10 @@ from shared.climbing.steel import SteelSurface
 from shared.geometry import Float
 from shared.messaging.messages import JOINT_NAMES
 from shared.robot.adhesion import MagnetLimits
+from shared.robot.configured import robot_urdf
 from shared.robot.description import UrdfModel
 from shared.robot.limits import joint_bounds
-from shared.robot.urdf import parse_urdf, read_urdf
+from shared.robot.urdf import parse_urdf
 from shared.runtime.config import Config
 from shared.world.files import load_structure
 from shared.world.structure import Structure
@@ -48,9 +49,9 @@ def load_climber(config: Config) -> Climber:
     """The configuration's robot, with its magnets, on the configuration's structure.
 
     Raises:
-        InputFileError, ConfigError: one of the files is not usable.
+        InputFileError, ConfigError: one of the files is not usable, or a sensor cannot be mounted.
     """
     magnets = config.sim.magnets
     limits = MagnetLimits(pull_n=magnets.pull_n, half_width_m=magnets.half_width_m, friction=magnets.friction)
-    model = parse_urdf(read_urdf(config.robot), str(config.robot))
+    model = parse_urdf(robot_urdf(config), str(config.robot))
     return Climber.of(model, load_structure(config.structure), limits)

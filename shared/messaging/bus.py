@@ -67,6 +67,12 @@ class Bus:
             self._kept[channel.key] = (payload, f"{MIME};{schema_of(channel.message)}")
         self._publishers[channel.key].put(payload)
 
+    def is_wanted(self, channel: Channel) -> bool:
+        """Whether anybody subscribes to an advertised channel now."""
+        publisher = self._publishers.get(channel.key)
+        status: Any = publisher.matching_status if publisher else None  # zenoh's type hint says bool, which it is not
+        return status is not None and bool(status.matching)
+
     def subscribe(self, channel: Channel, inbox: Inbox, *, is_observer: bool = False) -> None:
         """Lets what comes on the channel into the inbox: messages, commands as queries, and the last kept message.
 

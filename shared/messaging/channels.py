@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import enum
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from shared.messaging import messages as m
@@ -49,6 +51,11 @@ class Channel:
     def of(self, service: str) -> Channel:
         """The concrete channel of one service, for a key that ends in `*`."""
         return replace(self, key=self.key.replace("*", service), topic=self.topic.replace("*", service))
+
+    def of_sensor(self, sensor: str) -> Channel:
+        """The channel of another sensor of the same kind: `lidar_rear/points` of `lidar/points`."""
+        _, _, rest = self.key.partition("/")
+        return replace(self, key=f"{sensor}/{rest}", topic=f"/{sensor}/{rest}")
 
 
 LATEST, EVERY = Delivery.LATEST, Delivery.EVERY
@@ -139,6 +146,33 @@ STRUCTURE_DESCRIPTION = Channel(
 LIDAR_POINTS = Channel(
     key="lidar/points", message=m.LidarScan, delivery=LATEST, ros_type="sensor_msgs/msg/PointCloud2", rate_hz=10.0
 )
+LIDAR_IMU = Channel(key="lidar/imu", message=m.Imu, delivery=LATEST, ros_type="sensor_msgs/msg/Imu", rate_hz=100.0)
+DEPTH_IMAGE = Channel(
+    key="depth/image", message=m.DepthImage, delivery=LATEST, ros_type="sensor_msgs/msg/Image", rate_hz=15.0
+)
+DEPTH_CAMERA_INFO = Channel(
+    key="depth/camera_info",
+    message=m.CameraInfo,
+    delivery=LATEST,
+    ros_type="sensor_msgs/msg/CameraInfo",
+    rate_hz=15.0,
+    is_kept=True,
+)
+DEPTH_POINTS = Channel(
+    key="depth/points",
+    message=m.PointCloud,
+    delivery=LATEST,
+    ros_type="sensor_msgs/msg/PointCloud2",
+    rate_hz=15.0,
+    is_recorded=False,  # made only while someone subscribes: the image says the same in a sixth of the bytes
+)
+DEPTH_IMU = Channel(key="depth/imu", message=m.Imu, delivery=LATEST, ros_type="sensor_msgs/msg/Imu", rate_hz=200.0)
+SENSOR_CHANNELS = {
+    "lidar": (LIDAR_POINTS, LIDAR_IMU),
+    "depth": (DEPTH_IMAGE, DEPTH_CAMERA_INFO, DEPTH_POINTS, DEPTH_IMU),
+}
+"""By kind of sensor. A sensor is named after its kind, or begins with it: lidar, lidar_rear."""
+
 MAP_ODOMETRY = Channel(
     key="map/odometry",
     message=m.Odometry,
@@ -197,7 +231,8 @@ CHANNELS: tuple[Channel, ...] = (
     ROBOT_DESCRIPTION,
     FIXED_FOOT_DESCRIPTION,
     STRUCTURE_DESCRIPTION,
-    LIDAR_POINTS,
+    *SENSOR_CHANNELS["lidar"],
+    *SENSOR_CHANNELS["depth"],
     MAP_ODOMETRY,
     MAP_CLOUD,
     MAP_STATUS,
@@ -207,11 +242,40 @@ CHANNELS: tuple[Channel, ...] = (
 )
 
 
+_OTHER_SENSOR = re.compile(rf"({'|'.join(SENSOR_CHANNELS)})_[a-z0-9_]+")
+
+
+def channels_of(other_sensors: Iterable[str] = ()) -> tuple[Channel, ...]:
+    """The whole table, with the channels of further sensors, which are named `<kind>_<name>`.
+
+    Raises:
+        ValueError: a name that does not begin with a kind of sensor.
+    """
+    return CHANNELS + tuple(channel for sensor in other_sensors for channel in sensor_channels(sensor))
+
+
+def sensor_channels(sensor: str) -> tuple[Channel, ...]:
+    """What one sensor may publish: `lidar`, `depth`, or a further one, `<kind>_<name>`.
+
+    Raises:
+        ValueError: the name does not begin with a kind of sensor.
+    """
+    if sensor in SENSOR_CHANNELS:
+        return SENSOR_CHANNELS[sensor]
+    match = _OTHER_SENSOR.fullmatch(sensor)
+    if match is None:
+        raise ValueError(
+            f"no sensor can be called '{sensor}'; names are <kind>_<name>, kinds are {', '.join(SENSOR_CHANNELS)}"
+        )
+    return tuple(channel.of_sensor(sensor) for channel in SENSOR_CHANNELS[match[1]])
+
+
 def channel_of_key(key: str) -> Channel | None:
     """The channel a concrete key belongs to, or None. A prefix set by Zenoh's `namespace` may stand before it."""
     start = key.find(PREFIX)
     name = key[start + len(PREFIX) :] if start >= 0 else ""
-    for channel in CHANNELS:
+    sensor = name.partition("/")[0]
+    for channel in channels_of([sensor] if _OTHER_SENSOR.fullmatch(sensor) else []):
         if channel.key == name:
             return channel
         stem = channel.key.removesuffix("*")

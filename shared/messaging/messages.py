@@ -26,8 +26,10 @@ from shared.messaging.values import (
     Joints as Joints,
     NamedValues as NamedValues,
     PerPointFloat as PerPointFloat,
+    PerPointNumber as PerPointNumber,
     PerPointRing as PerPointRing,
     PerPointTime as PerPointTime,
+    Pixels as Pixels,
     Points as Points,
     Pose as Pose,
     Poses as Poses,
@@ -63,8 +65,8 @@ class Message:
 
 
 def _is_same(a: Any, b: Any) -> bool:
-    if isinstance(a, np.ndarray):
-        return isinstance(b, np.ndarray) and np.array_equal(a, b)
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return isinstance(a, np.ndarray) and isinstance(b, np.ndarray) and np.array_equal(a, b)
     return bool(a == b)
 
 
@@ -280,13 +282,70 @@ class StructureDescription(Measurement):
 class LidarScan(Measurement):
     """One revolution of a LiDAR: only the rays that returned, in raster order (ring by ring), in the sensor's frame.
 
-    points_m (N, 3), intensity (N,) 0..255, t_ns (N,) after `stamp_ns` when each point was measured, ring (N,) 0 = top.
+    points_m (N, 3): each in the sensor's frame as it stood when that point was measured. intensity (N,) 0..255.
+    t_ns (N,): after `stamp_ns` when each point was measured. ring (N,): 0 = top.
+
+    Ground truth, None unless asked for. member (N,): number of the shape met, counted through the visuals of
+    structure_description, then of robot_description. face (N,): of that shape, see `shared.meshes.faces_of`.
+    true_range_m (N,): along the beam from its origin, without any error of the sensor.
     """
 
     points_m: Points
     intensity: PerPointFloat
     t_ns: PerPointTime
     ring: PerPointRing
+    member: PerPointNumber | None = None
+    face: PerPointNumber | None = None
+    true_range_m: PerPointFloat | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Imu(Measurement):
+    """What an IMU at the origin of `frame` measures, along that frame's axes.
+
+    angular_velocity_radps (3,). linear_acceleration_mps2 (3,): of what it is held by, so at rest it reads 9.81 upwards.
+    """
+
+    angular_velocity_radps: Vector
+    linear_acceleration_mps2: Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DepthImage(Measurement):
+    """Depth along the optical axis, in the optical frame of REP-103 (z forward, x right, y down).
+
+    depth_mm (height * width,): row by row from the top left, 0 where there is none.
+
+    Ground truth of each pixel, None unless asked for: `member`, `face` as in LidarScan (-1 where nothing is met), and
+    true_depth_m (0 where nothing is met).
+
+    Raises:
+        MessageError: not height * width pixels.
+    """
+
+    height: int
+    width: int
+    depth_mm: Pixels
+    member: PerPointNumber | None = None
+    face: PerPointNumber | None = None
+    true_depth_m: PerPointFloat | None = None
+
+    def __post_init__(self) -> None:
+        Measurement.__post_init__(self)
+        if self.height <= 0 or self.width <= 0 or len(self.depth_mm) != self.height * self.width:
+            raise MessageError(f"depth_mm has {len(self.depth_mm)} pixels, must be {self.height} x {self.width}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CameraInfo(Measurement):
+    """Intrinsics of a camera without distortion, in pixels; the centre of the top left pixel is (0, 0)."""
+
+    height: int
+    width: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

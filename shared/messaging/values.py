@@ -26,6 +26,8 @@ Points = Annotated[NDArray[np.float32], Array("float32", ("N", 3))]
 PerPointFloat = Annotated[NDArray[np.float32], Array("float32", ("N",))]
 PerPointTime = Annotated[NDArray[np.uint32], Array("uint32", ("N",))]
 PerPointRing = Annotated[NDArray[np.uint16], Array("uint16", ("N",))]
+PerPointNumber = Annotated[NDArray[np.int32], Array("int32", ("N",))]
+Pixels = Annotated[NDArray[np.uint16], Array("uint16", ("N",))]
 Covariance = Annotated[NDArray[np.float64], Array("float64", (6, 6), is_inline=True)]
 
 MAX_STAMP_NS = 2**31 * 10**9 - 1

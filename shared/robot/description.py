@@ -15,12 +15,13 @@ from shared.solids import Solid, Vector3
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A solid that is rigidly part of a link."""
+    """A solid that is rigidly part of a link. material: by name; empty where the document states none."""
 
     link: str
     solid: Solid
     T_link_shape: SE3
     name: str = ""
+    material: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

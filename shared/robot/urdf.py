@@ -153,7 +153,14 @@ def _shape(link: ET.Element, element: ET.Element, kind: str, folder: Path | None
     geometries = list(child_of(element, "geometry", where))
     if len(geometries) != 1:
         raise XmlError(f"{where}: geometry must be one box, cylinder, sphere or mesh, is {len(geometries)} elements")
-    return Shape(name, _solid(geometries[0], where, folder), _origin(element, where), element.get("name", ""))
+    material = element.find("material")
+    return Shape(
+        name,
+        _solid(geometries[0], where, folder),
+        _origin(element, where),
+        element.get("name", ""),
+        "" if material is None else material.get("name", ""),
+    )
 
 
 def _solid(element: ET.Element, where: str, folder: Path | None) -> Solid:

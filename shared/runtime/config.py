@@ -3,32 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from shared.messaging.messages import Foot
-
-
-def _existing_file(path: Path, info: ValidationInfo) -> Path:
-    folders = [Path((info.context or {}).get("base_dir", CONFIGS_DIR)), CONFIGS_DIR]
-    for folder in folders:
-        if (folder / path).is_file():
-            return (folder / path).resolve()
-    raise ValueError(f"no such file: {path} (looked in {' and '.join(dict.fromkeys(map(str, folders)))})")
-
-
-CONFIGS_DIR = Path(__file__).parents[2] / "configs"
-
-InputFile = Annotated[Path, AfterValidator(_existing_file)]
-"""A file that exists; a relative path is looked up in the configuration file's folder, then in configs/."""
-Vector3 = tuple[float, float, float]
-
-
-class Section(BaseModel):
-    """Base of every section: frozen, unknown keys forbidden, defaults checked too."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True)
+from shared.runtime.section import CONFIGS_DIR as CONFIGS_DIR, InputFile, Section, Vector3
+from shared.runtime.sensor_config import SensorsConfig
 
 
 class BusConfig(Section):
@@ -128,36 +109,6 @@ class SimConfig(Section):
     actuators: ActuatorConfig = ActuatorConfig()
     magnets: MagnetConfig = MagnetConfig()
     dynamics: DynamicsConfig = DynamicsConfig()
-
-
-class LidarConfig(Section):
-    """A spinning LiDAR."""
-
-    frame: str = "lidar"
-    """The link that carries the sensor's origin: z up along its axis, x where column 0 looks."""
-    num_columns: int = Field(512, ge=8, le=8192)
-    num_rings: int = Field(128, ge=1, le=512)
-    rate_hz: float = Field(10.0, gt=0, le=40)
-    max_elevation_deg: float = Field(22.8, gt=-90, lt=90)
-    min_elevation_deg: float = Field(-22.8, gt=-90, lt=90)
-    min_range_m: float = Field(0.2, ge=0, le=100)
-    max_range_m: float = Field(10.0, gt=0, le=1000)
-    range_noise_m: float = Field(0.008, ge=0, le=1)
-    """Standard deviation of the Gaussian along the ray."""
-
-    @model_validator(mode="after")
-    def _ordered(self) -> LidarConfig:
-        if self.min_range_m >= self.max_range_m:
-            raise ValueError(f"min_range_m {self.min_range_m} must be below max_range_m {self.max_range_m}")
-        if self.num_rings > 1 and self.min_elevation_deg >= self.max_elevation_deg:
-            raise ValueError("min_elevation_deg must be below max_elevation_deg")
-        return self
-
-
-class SensorsConfig(Section):
-    """Each sensor runs in its own process: `python -m services.sensors --sensor NAME`."""
-
-    lidar: LidarConfig = LidarConfig()
 
 
 class MapperConfig(Section):

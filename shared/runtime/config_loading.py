@@ -111,7 +111,11 @@ def _set(
 
 def _problem_text(path: Path, details: Mapping[str, Any], origins: Origins) -> str:
     location = tuple(str(part) for part in details["loc"])
-    origin = next((name for keys, name in origins.items() if location[: len(keys)] == keys), str(path))
+    origin = str(path)
+    for keys, name in origins.items():  # a rule of a whole section may be broken by a setting in it
+        if location[: len(keys)] == keys[: len(location)]:
+            origin = name
+            break
     if details["type"] == "extra_forbidden":
         known = _keys_of_section(location[:-1])
         near = difflib.get_close_matches(location[-1], known, n=1)

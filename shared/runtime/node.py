@@ -21,6 +21,10 @@ def _never() -> bool:
     return False
 
 
+def _nobody(_channel: Channel) -> bool:
+    return False
+
+
 @dataclass(frozen=True, kw_only=True)
 class Node:
     """Wiring of one service.
@@ -46,7 +50,11 @@ class Node:
 
 @dataclass(kw_only=True)
 class Context:
-    """What the runner lends to a node: a monotonic clock, and when the message in hand was received (same clock)."""
+    """What the runner lends to a node: a monotonic clock, and when the message in hand was received (same clock).
+
+    is_wanted: whether anybody subscribes to a channel now; for what is costly to make.
+    """
 
     clock_ns: Callable[[], int]
     received_ns: int = 0
+    is_wanted: Callable[[Channel], bool] = _nobody

@@ -3,12 +3,26 @@
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 
 from shared.errors import ConfigError
 from shared.runtime.config import CONFIGS_DIR, Config
 from shared.runtime.config_loading import dump_config, load_config
+from shared.runtime.sensor_config import PRESETS_DIR, DepthConfig, ImuConfig, LidarConfig, SurfaceConfig
 
 PRESETS = sorted(CONFIGS_DIR.glob("*.yaml"))
+SENSORS = {"lidar": LidarConfig, "depth": DepthConfig}
+SENSOR_PRESETS = sorted(PRESETS_DIR.glob("*.yaml"))
+BEAM_TABLES = sorted((PRESETS_DIR / "beams").glob("*.yaml"))
+
+
+def required(section):
+    """The settings that have no default in the code."""
+    return {name for name, field in section.model_fields.items() if field.is_required()}
+
+
+def read_yaml(path):
+    return YAML(typ="safe").load(path)
 
 
 @pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
@@ -19,7 +33,11 @@ def test_each_preset_is_usable(path):
 def test_the_default_file_states_every_default():
     assert load_config() == Config.model_validate({})
     text = (CONFIGS_DIR / "default.yaml").read_text()
-    missing = [name for name in _leaf_names(Config.model_validate({}).model_dump()) if f"{name}:" not in text]
+    defaults = Config.model_validate({}).model_dump()
+    for kind, sensor in SENSORS.items():
+        for name in required(sensor):
+            del defaults["sensors"][kind][name]  # a preset states it
+    missing = [name for name in _leaf_names(defaults) if f"{name}:" not in text]
     assert missing == []
 
 
@@ -28,6 +46,34 @@ def _leaf_names(tree):
         yield name
         if isinstance(value, dict):
             yield from _leaf_names(value)
+
+
+@pytest.mark.parametrize("kind", SENSORS)
+def test_each_kind_of_sensor_has_the_three_presets(kind):
+    names = {path.stem.removeprefix(f"{kind}_") for path in SENSOR_PRESETS if path.stem.startswith(kind)}
+    assert names == {"ideal", "original", "datasheet"}
+
+
+@pytest.mark.parametrize("path", SENSOR_PRESETS, ids=lambda path: path.stem)
+def test_each_preset_of_a_sensor_states_every_setting_that_is_the_preset_s(path):
+    kind, _, name = path.stem.partition("_")
+    section, settings = SENSORS[kind], read_yaml(path)
+    assert set(settings) == required(section)
+    assert set(settings["imu"]) == set(ImuConfig.model_fields)
+    for surface in settings.get("surfaces", {}).values():
+        assert set(surface) == set(SurfaceConfig.model_fields)
+    assert load_config(overrides=[f"sensors.{kind}.preset={name}"]).sensors.named()[kind].preset == path
+    assert section.model_validate({"preset": path}).rate_hz > 0
+
+
+@pytest.mark.parametrize("path", BEAM_TABLES, ids=lambda path: path.stem)
+def test_each_table_of_beams_has_128_rows(path):
+    table = read_yaml(path)
+    elevations, azimuths = table["elevations_deg"], table["azimuths_deg"]
+    assert (len(elevations), len(azimuths)) == (128, 128)
+    assert elevations == sorted(elevations, reverse=True), "top to bottom"
+    assert -45 < elevations[-1] < elevations[0] < 45
+    assert max(map(abs, azimuths)) < 10
 
 
 def test_what_is_dumped_loads_again(tmp_path):

@@ -14,6 +14,7 @@ from shared.runtime.config import CONFIGS_DIR
 ROOT = Path(__file__).parents[2]
 ARCHITECTURE = ROOT / "ARCHITECTURE.md"
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
+SETTINGS = [CONFIGS_DIR / "default.yaml", *sorted((CONFIGS_DIR / "sensors").glob("**/*.yaml"))]
 BEGIN, END = "<!-- channels: generated -->\n", "<!-- /channels -->\n"
 
 
@@ -54,12 +55,15 @@ def test_named_files_exist(document):
     assert [name for name in names if not (ROOT / name).exists()] == []
 
 
-def test_every_setting_has_its_unit_or_is_a_plain_number():
-    text = (CONFIGS_DIR / "default.yaml").read_text()
-    numbers = re.findall(r"^\s*(\w+): -?[\d.]+", text, re.MULTILINE)
-    units = ("_m", "_s", "_hz", "_deg", "_mib", "_kib", "_rad", "_n", "_mps2", "_radps", "_per_m")
+@pytest.mark.parametrize("path", SETTINGS, ids=lambda path: path.stem)
+def test_every_setting_has_its_unit_or_is_a_plain_number(path):
+    text = re.sub(r"#.*", "", path.read_text())
+    numbers = re.findall(r"(\w+): \[?-?\d[\d.]*(?:e-?\d+)?(?=[],}\s]|$)", text)
+    assert numbers != []
+    units = ("_m", "_s", "_hz", "_deg", "_mib", "_kib", "_rad", "_n", "_mps2", "_radps", "_px", "_per_m")
     is_plain = re.compile(
-        r"num_\w+|max_iterations|max_map_points|seed|\w*(tolerance|score|novelty|factor|friction|share|margin)"
+        r"num_\w+|max_iterations|max_map_points|seed|reflectivity|detection_steepness"
+        r"|\w*(tolerance|score|novelty|factor|friction|share|margin)"
     )
     assert [name for name in numbers if not (name.endswith(units) or is_plain.fullmatch(name))] == []
 

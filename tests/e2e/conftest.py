@@ -4,7 +4,7 @@ from shared.messaging.bus import is_reachable
 from shared.messaging.channels import ALIVE
 from tests.support.processes import Running, hyrecro_command, started, wait_until
 
-ALL_SERVICES = {"recorder", "evaluator", "mapper", "lidar", "planner", "sim"}
+ALL_SERVICES = {"recorder", "evaluator", "mapper", "lidar", "depth", "planner", "sim"}
 
 
 def wait_for_services(running: Running, names: set[str]) -> None:

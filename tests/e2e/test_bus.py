@@ -7,7 +7,14 @@ import pytest
 
 from shared.errors import BusError, RefusedError
 from shared.messaging.bus import Bus, open_router
-from shared.messaging.channels import JOINTS_STATE, JOINTS_TARGET, LEG_STATE, LEG_TARGET, LIDAR_POINTS
+from shared.messaging.channels import (
+    DEPTH_POINTS,
+    JOINTS_STATE,
+    JOINTS_TARGET,
+    LEG_STATE,
+    LEG_TARGET,
+    LIDAR_POINTS,
+)
 from shared.messaging.codec import decode, decode_command, encode
 from shared.messaging.inbox import Inbox
 from shared.messaging.messages import Foot, JointTarget, LegState, LegTarget, LidarScan
@@ -99,6 +106,31 @@ def test_a_late_joiner_asks_for_what_is_kept(buses):
     parcel = inbox.take(5.0)
     assert parcel.is_replay
     assert decode(LegState, parcel.payload).fixed_foot is Foot.B
+
+
+@pytest.mark.parametrize(
+    "channel", [DEPTH_POINTS, DEPTH_POINTS.of_sensor("depth_rear")], ids=lambda channel: channel.key
+)
+def test_a_publisher_sees_whether_anybody_wants_a_channel(endpoint, channel):
+    config = BusConfig(endpoint=endpoint, namespace="wanted")
+    with Bus(config) as sensor:
+        assert sensor.is_wanted(channel) is False, "not advertised"
+        sensor.advertise(channel)
+        assert sensor.is_wanted(channel) is False
+        with Bus(config) as viewer:
+            viewer.subscribe(LIDAR_POINTS, Inbox())
+            viewer.subscribe(channel, Inbox())
+            wait_until(lambda: sensor.is_wanted(channel), "a subscriber")
+        wait_until(lambda: not sensor.is_wanted(channel), "nobody")
+
+
+def test_a_subscriber_that_was_there_first_is_seen_too(buses):
+    sensor, viewer = buses
+    viewer.subscribe(DEPTH_POINTS, Inbox())
+    wait_until_known(viewer, sensor)
+    sensor.advertise(DEPTH_POINTS)
+    wait_until(lambda: sensor.is_wanted(DEPTH_POINTS), "the subscriber")
+    assert not sensor.is_wanted(LIDAR_POINTS)
 
 
 def test_nobody_answers_for_what_was_never_said(buses):

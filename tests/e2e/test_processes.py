@@ -45,6 +45,15 @@ def test_a_robot_that_is_no_urdf(content, tmp_path):
     assert "Traceback" not in result.stderr
 
 
+def test_a_sensor_that_cannot_be_mounted():
+    sensor = "sensors.others.lidar_rear={kind: lidar, frame: lidar_rear}"
+    result = run(sys.executable, "-m", "services.sim", "--set", sensor)
+    assert result.returncode == 2
+    assert "sensors.others.lidar_rear.frame: " in result.stderr
+    assert "has no link 'lidar_rear'" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
 def test_wrong_arguments():
     assert run(sys.executable, "-m", "services.sim", "--speed", "9").returncode == 2
     assert run(sys.executable, "-m", "services.sensors", "--sensor", "sonar").returncode == 2

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from services.player.trajectory import MoveTo, read_trajectory
-from services.sensors.lidar import LidarScanner
+from services.sensors.loading import load_lidar, sensor_seed
 from services.sim.climbing_sim import ClimbingSim
 from shared.geometry import SE3
 from shared.messaging.frames import FrameTree
@@ -36,7 +36,7 @@ def climb(config: Config, trajectory: Path, num_rows: int, seconds_a_move: float
         structure=load_structure(config.structure),
         mark_text=read_urdf(CONFIGS_DIR / "robot" / "fixed_foot.urdf"),
     )
-    lidar = LidarScanner(config.sensors.lidar, np.random.default_rng(config.seed))
+    lidar = load_lidar(config.sensors.lidar, sensor_seed(config.seed, "lidar"))
     takes = {
         RobotDescription: lidar.set_robot,
         StructureDescription: lidar.set_structure,

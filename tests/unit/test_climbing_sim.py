@@ -39,6 +39,8 @@ LINKS = (
     "platform_a",
     "hip",
     "lidar",
+    "depth",
+    "depth_optical",
     "platform_b",
     "leg_b_upper",
     "leg_b_lower",

@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 
-from services.sensors.bodies import link_meshes
 from shared.geometry import SE3
 from shared.meshes import area_m2, is_closed, mesh_of, volume_m3
-from shared.robot.description import Shape
 from shared.solids import Box, Cylinder, Mesh, Sphere
 
 
@@ -33,12 +31,3 @@ def test_a_mesh_is_closed_if_each_edge_has_its_neighbour():
 
 def test_the_area_of_a_box():
     assert area_m2(mesh_of(Box((1.0, 2.0, 3.0)))) == pytest.approx(22.0)
-
-
-def test_shapes_of_a_link_become_one_mesh_in_its_frame():
-    shapes = [Shape("a", Box((1, 1, 1)), SE3.trans(x_m=5.0)), Shape("b", Box((1, 1, 1)), SE3.identity())]
-    meshes = link_meshes([*shapes, Shape("a", Box((1, 1, 1)), SE3.trans(x_m=-5.0))])
-    assert set(meshes) == {"a", "b"}
-    assert volume_m3(meshes["a"]) == pytest.approx(2.0)
-    assert sorted(set(meshes["a"].triangles.ravel().tolist())) == list(range(16))
-    assert (meshes["a"].vertices_m[:, 0].min(), meshes["a"].vertices_m[:, 0].max()) == (-5.5, 5.5)

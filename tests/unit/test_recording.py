@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import pytest
 
 from services.recorder.recorder import Recorder
 from services.recorder.recording import Recording
 from shared.errors import InputFileError
-from shared.messaging.channels import CHANNELS, CLOCK, HEALTH, LEG_TARGET
-from shared.messaging.messages import Clock, Foot, Health, LegTarget
+from shared.messaging.channels import CHANNELS, CLOCK, EVENTS, HEALTH, LEG_TARGET
+from shared.messaging.messages import Clock, Event, Foot, Health, LegTarget
 from shared.runtime.config import RecorderConfig
 from tests.support.examples import EXAMPLES
 
@@ -47,6 +49,28 @@ def test_each_service_has_its_own_topic_of_health(tmp_path):
 def test_a_command_stands_at_the_newest_simulated_time(tmp_path):
     tick = Clock(stamp_ns=7 * 10**9, seq=0, frame="")
     recording = recorded(tmp_path, (CLOCK, tick), (LEG_TARGET, LegTarget(foot=Foot.B)))
+    assert recording.duration_s == 0.0
+
+
+def test_a_recording_begins_with_the_first_time_that_is_known(tmp_path):
+    stamp_ns = 1_650_408_693_802_616_001
+    early = [replace(BY_TYPE[Health], stamp_ns=0, seq=seq, service="mapper") for seq in range(3)]
+    event = replace(BY_TYPE[Event], stamp_ns=0)
+    later = replace(early[0], seq=3)
+    tick = Clock(stamp_ns=stamp_ns, seq=0, frame="")
+    recording = recorded(
+        tmp_path, *((HEALTH, health) for health in early), (EVENTS, event), (CLOCK, tick), (HEALTH, later)
+    )
+    assert recording.duration_s == 0.0
+    assert list(recording.messages(EVENTS)) == [replace(event, stamp_ns=stamp_ns, frame="")]
+    healths = list(recording.messages(HEALTH))
+    assert [(health.seq, health.stamp_ns) for health in healths] == [(seq, stamp_ns) for seq in range(4)]
+
+
+def test_what_waits_for_a_time_that_never_comes_is_recorded_at_the_end(tmp_path):
+    recording = recorded(tmp_path, (LEG_TARGET, LegTarget(foot=Foot.B)), (LEG_TARGET, LegTarget(foot=Foot.A)))
+    (leg_target,) = (topic for topic in recording.topics() if topic.topic == "/leg/target")
+    assert leg_target.num_messages == 2
     assert recording.duration_s == 0.0
 
 

@@ -1,13 +1,16 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 
 from services.recorder.ros_messages import ROS_FORMS, to_cdr
+from services.recorder.ros_reading import from_cdr
 from services.recorder.ros_schemas import OWN_DEFINITIONS, schema_text, typestore
 from shared.errors import MessageError
 from shared.messaging import messages as m
-from shared.messaging.channels import CHANNELS
+from shared.messaging.channels import CHANNELS, LIDAR_POINTS
 from tests.support.examples import EXAMPLES
 
 RECORDED = [example for example in EXAMPLES if type(example) in ROS_FORMS]
@@ -159,6 +162,63 @@ def test_a_scan_keeps_every_point_and_its_time():
     assert np.frombuffer(second[:16], "<f4").tolist() == [-4.0, 5.5, 0.25, 255.0]
     assert int.from_bytes(second[16:20], "little") == 4_000_000_000
     assert int.from_bytes(second[20:], "little") == 127
+
+
+def test_a_scan_with_ground_truth_has_it_in_further_fields():
+    (scan,) = [example for example in EXAMPLES if isinstance(example, m.LidarScan) and example.member is not None]
+    cloud = decoded(scan)
+    assert [(f.name, f.offset, f.datatype) for f in cloud.fields[5:]] == [
+        ("ring", 20, 4),
+        ("member", 24, 5),
+        ("face", 28, 5),
+        ("true_range_m", 32, 7),
+    ]
+    assert cloud.point_step == 36
+    second = cloud.data.tobytes()[36:]
+    assert np.frombuffer(second[24:32], "<i4").tolist() == [4, 5]
+    assert np.frombuffer(second[32:], "<f4").tolist() == [3.0]
+    partly = dataclasses.replace(scan, member=None, face=None)
+    assert [f.name for f in decoded(partly).fields[6:]] == ["true_range_m"]
+
+
+def test_scans_are_read_back_with_and_without_ground_truth():
+    for scan in (example for example in EXAMPLES if isinstance(example, m.LidarScan)):
+        _, data = to_cdr(scan, scan.stamp_ns)
+        assert from_cdr(LIDAR_POINTS, bytes(data), scan.seq) == scan
+
+
+def test_an_imu_says_that_it_knows_no_orientation():
+    imu = m.Imu(
+        **AT,
+        frame="lidar",
+        angular_velocity_radps=np.array([0.1, 0.2, 0.3]),
+        linear_acceleration_mps2=np.array([1.0, 2.0, 9.81]),
+    )
+    ros = decoded(imu)
+    assert (ros.header.frame_id, stamp_of(ros.header)) == ("lidar", (12, 345_678_901))
+    assert ros.orientation_covariance.tolist() == [-1.0] + [0.0] * 8
+    assert (ros.angular_velocity.x, ros.angular_velocity.y, ros.angular_velocity.z) == (0.1, 0.2, 0.3)
+    assert (ros.linear_acceleration.x, ros.linear_acceleration.z) == (1.0, 9.81)
+
+
+def test_a_depth_image_is_16uc1_and_leaves_ground_truth_out():
+    depth_mm = np.array([0, 300, 301, 1000, 2999, 65_535], np.uint16)
+    image = m.DepthImage(**AT, frame="depth_optical", height=2, width=3, depth_mm=depth_mm)
+    ros = decoded(image)
+    assert (ros.encoding, ros.height, ros.width, ros.step, ros.is_bigendian) == ("16UC1", 2, 3, 6, 0)
+    assert ros.header.frame_id == "depth_optical"
+    assert np.frombuffer(ros.data.tobytes(), "<u2").tolist() == depth_mm.tolist()
+    true = dataclasses.replace(image, member=np.zeros(6), face=np.zeros(6), true_depth_m=np.ones(6))
+    assert to_cdr(true, STAMP_NS)[1] == to_cdr(image, STAMP_NS)[1]
+
+
+def test_camera_info_is_that_of_a_rectified_camera():
+    info = m.CameraInfo(**AT, frame="depth_optical", height=480, width=848, fx=427.0, fy=428.0, cx=423.5, cy=239.5)
+    ros = decoded(info)
+    assert (ros.height, ros.width, ros.distortion_model, ros.d.tolist()) == (480, 848, "plumb_bob", [0.0] * 5)
+    assert ros.k.tolist() == [427.0, 0.0, 423.5, 0.0, 428.0, 239.5, 0.0, 0.0, 1.0]
+    assert ros.p.tolist() == [427.0, 0.0, 423.5, 0.0, 0.0, 428.0, 239.5, 0.0, 0.0, 0.0, 1.0, 0.0]
+    assert ros.r.tolist() == np.eye(3).reshape(-1).tolist()
 
 
 @pytest.mark.parametrize("num_points", [0, 3])

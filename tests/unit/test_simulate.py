@@ -11,7 +11,7 @@ from shared.errors import InputFileError, PlaybackError, RefusedError
 from shared.runtime.config_loading import load_config
 
 ROWS = "q1,q2,q3,q4,q5,q6,q7,q8\n0.2,0,0,0,0,0,0,0\nC,C,C,C,C,C,C,C\n0.2,0,0,0.3,0,0,0,0\n"
-SMALL = ["sensors.lidar.num_columns=64", "sensors.lidar.num_rings=16", "player.speed_radps=0.3"]
+SMALL = ["player.speed_radps=0.3"]
 
 
 def config_of(tmp_path, rows=ROWS, *overrides):
@@ -28,7 +28,7 @@ def written(config, out, num_scans=3):
 def test_scans_labels_truth_and_joints_belong_together(tmp_path):
     num, files = written(config_of(tmp_path), tmp_path / "run")
     assert num == 3
-    scans = {f"data{i}.pcd" for i in range(3)} | {f"labels{i}.npy" for i in range(3)}
+    scans = {name for i in range(3) for name in (f"data{i}.pcd", f"labels{i}.npy", f"ranges{i}.npy")}
     assert set(files) == scans | {"labels.json", "truth.tum", "joints.csv"}
     names = json.loads(files["labels.json"])
     truth = np.loadtxt(tmp_path / "run" / "truth.tum")
@@ -43,6 +43,8 @@ def test_scans_labels_truth_and_joints_belong_together(tmp_path):
         labels = np.load(tmp_path / "run" / f"labels{i}.npy")
         assert cloud.fields == ("x", "y", "z", "intensity", "t", "ring")
         assert len(cloud.numpy()) == len(labels) > 100
+        ranges_m = np.linalg.norm(cloud.numpy(("x", "y", "z")), axis=1)
+        assert np.std(ranges_m - np.load(tmp_path / "run" / f"ranges{i}.npy")) == pytest.approx(0.008, rel=0.05)
         assert 0 <= labels[:, 0].min() <= labels[:, 0].max() < len(names["members"])
 
 

@@ -134,7 +134,8 @@ def test_the_physics_engine_finds_the_same_efforts():
         pybullet.setGravity(*(TILTED.T @ [0, 0, -9.81]), physicsClientId=client)
         path = str(CONFIGS_DIR / "robot" / "hyrecro.urdf")
         body = pybullet.loadURDF(path, useFixedBase=True, physicsClientId=client)
-        infos = [pybullet.getJointInfo(body, i, physicsClientId=client) for i in range(9)]
+        num_joints = pybullet.getNumJoints(body, physicsClientId=client)
+        infos = [pybullet.getJointInfo(body, i, physicsClientId=client) for i in range(num_joints)]
         assert [info[1].decode() for info in infos if info[2] != pybullet.JOINT_FIXED] == list(JOINT_NAMES)
         for q in random_postures(20):
             zeros = [0.0] * 8

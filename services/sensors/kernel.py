@@ -1,0 +1,19 @@
+"""numba's compiler as a decorator that keeps the types of what it compiles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from numba import njit
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel(**options: Any) -> Callable[[F], F]:
+    """Compiles to machine code at the first call, and keeps that in numba's cache. Division by 0 is IEEE 754's.
+
+    options: those of `numba.njit`.
+    """
+    compile_it: Callable[[F], F] = njit(cache=True, error_model="numpy", **options)
+    return compile_it
