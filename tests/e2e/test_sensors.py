@@ -49,7 +49,7 @@ def received(pipeline, channel, message_type, count):
 
 def num_sent(pipeline, channel):
     with pipeline.bus() as bus:
-        health = bus.ask(HEALTH.of("depth"), Health)
+        health = wait_until(lambda: bus.ask(HEALTH.of("depth"), Health), "a heartbeat of the camera")
     return sum(count.num_sent for count in health.channels if count.key == channel.key_expr)
 
 
