@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from services.sensors.rays.camera_conversion import CameraConversion, compile_kernels
+from services.sensors.rays.camera_conversion import CameraConversion
 from services.sensors.rays.embree import EmbreeBackend
 from services.sensors.rays.interface import NO_FACE
 from services.sensors.scene import scene_of
@@ -134,7 +134,6 @@ def test_links_move_from_image_to_image():
 
 
 def test_an_empty_scene_and_none():
-    compile_kernels()
     assert np.isinf(drawn(scene_of(())).range_m).all()
     with pytest.raises(ValueError, match="set_scene comes first"):
         CameraConversion().image(CAMERA, poses(scene_of(()), HERE), 0.1, 1.0)

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from services.sensors.depth.camera import DepthCamera, compile_kernels, pinhole_of
+from services.sensors.depth.camera import DepthCamera, pinhole_of
 from services.sensors.depth.effect_kernels import match
 from services.sensors.depth.point_kernels import points_of
+from services.sensors.loading import warm_up
 from services.sensors.rays.camera_kernels import draw, finish
 from shared.errors import InputFileError, MessageError
 from shared.geometry import SE3
@@ -198,7 +199,7 @@ def test_descriptions_and_transforms_that_do_not_fit():
 
 
 def test_what_an_image_takes_is_compiled_beforehand():
-    compile_kernels()
+    warm_up(config(preset="datasheet"))
     kernels = (draw, finish, match, points_of)
     compiled = [list(kernel.signatures) for kernel in kernels]
     depth_camera(wants_points=True, preset="datasheet").add_transforms(transforms(0))

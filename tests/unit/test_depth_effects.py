@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from services.sensors.depth.effects import StereoEffects, compile_kernels
+from services.sensors.depth.effects import StereoEffects
 from services.sensors.depth.shadow import shade_row
 from services.sensors.rays.interface import Hits
 from shared.runtime.sensor_config import DepthConfig
@@ -43,7 +43,6 @@ def correlation(errors, lag):
 
 
 def test_without_errors_depths_are_rounded_to_whole_millimetres():
-    compile_kernels()
     depth_m = np.random.default_rng(1).uniform(0.06, 60.0, (CAMERA.height, CAMERA.width))
     depth_m[:, 100:200] = np.inf
     depth_mm = measured(effects(), depth_m)

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sensors.depth import effects
 from services.sensors.depth.effects import StereoEffects
 from services.sensors.depth.pinhole import Pinhole
 from services.sensors.depth.point_kernels import points_of
-from services.sensors.rays import camera_conversion
 from services.sensors.rays.backends import make_backend
 from services.sensors.rays.interface import NO_FACE, Hits
 from services.sensors.scene import Scene
@@ -154,12 +152,3 @@ def _of_faces(values: NDArray[np.int32], face: NDArray[np.int32]) -> NDArray[np.
     """The face's value for each pixel; NO_FACE is -1 and picks the last, itself."""
     table = np.append(values, np.int32(NO_FACE))
     return table[face.reshape(-1)]
-
-
-def compile_kernels() -> None:
-    """Compiles what a depth camera runs, into numba's cache."""
-    camera_conversion.compile_kernels()
-    effects.compile_kernels()
-    pixels = np.ones((1, 1), dtype=np.uint16)
-    pixels.setflags(write=False)  # numba compiles for read-only arrays apart, and messages have those
-    points_of(pixels, 1.0, 1.0, 0.0, 0.0)

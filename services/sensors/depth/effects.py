@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.sensors.depth.correlated import field, spline_of
-from services.sensors.depth.edge_jitter import BLOCK_PX
 from services.sensors.depth.effect_kernels import Stereo, match
 from services.sensors.depth.pinhole import Pinhole
 from services.sensors.noise_hash import hash64
@@ -50,12 +49,3 @@ class StereoEffects:
         """Depths (H, W) in mm, 0 where there is none, of what each pixel truly meets."""
         seed = np.uint64(hash64(self._seed, _IMAGE_STREAM, stamp_ns))
         return match(hits.range_m, hits.cos_incidence, self._static_px, self._spline, self._stereo, seed)
-
-
-def compile_kernels() -> None:
-    """Compiles what `StereoEffects` runs, into numba's cache."""
-    shape = (2 * BLOCK_PX, 2 * BLOCK_PX)
-    hits = Hits(np.ones(shape, np.float32), np.zeros(shape, np.int32), np.ones(shape, np.float32))
-    camera = Pinhole(*shape, float(BLOCK_PX), float(BLOCK_PX), BLOCK_PX - 0.5, BLOCK_PX - 0.5)
-    config = DepthConfig.model_validate({"static_noise_px": 0.1})
-    StereoEffects(config, camera, seed=0).measure(hits, stamp_ns=0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from services.sensors.depth.pinhole import Pinhole
 from services.sensors.rays.camera_kernels import Faces, View, draw, finish
 from services.sensors.rays.interface import NO_FACE, Hits, Poses
-from services.sensors.scene import Scene, scene_of
+from services.sensors.scene import Scene
 
 
 class CameraConversion:
@@ -92,11 +92,3 @@ def _normals(scene: Scene) -> NDArray[np.float64]:
     areas = np.add.reduceat(across, scene.starts[:-1], axis=0)
     lengths = np.linalg.norm(areas, axis=1, keepdims=True)
     return areas / np.where(lengths > 0.0, lengths, 1.0)
-
-
-def compile_kernels() -> None:
-    """Compiles what `CameraConversion` runs, into numba's cache."""
-    conversion = CameraConversion()
-    conversion.set_scene(scene_of(()))
-    still = Poses(np.eye(3)[np.newaxis], np.zeros((1, 3)), np.eye(3)[np.newaxis, np.newaxis], np.zeros((1, 1, 3)))
-    conversion.image(Pinhole(2, 2, 1.0, 1.0, 0.5, 0.5), still, 0.1, 1.0)

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sensors.lidar.beams import Beams, uniform_beams
+from services.sensors.lidar.beams import Beams
 from services.sensors.lidar.footprint import Footprint, sub_rays
 from services.sensors.rays.bodies import Bodies, bodies_of
 from services.sensors.rays.interface import EdgeHits, Hits, Poses
@@ -21,10 +21,7 @@ from services.sensors.rays.lidar_edges import Room, SubRays, edge_columns, room_
 from services.sensors.rays.lidar_moving import Column, column_for, scan_columns
 from services.sensors.rays.lidar_still import grid_for, scan_still
 from services.sensors.rays.ring_table import RingTable, ring_table
-from services.sensors.scene import Scene, scene_of
-from shared.geometry import SE3
-from shared.robot.description import Shape
-from shared.solids import Box
+from services.sensors.scene import Scene
 
 Float = NDArray[np.float64]
 
@@ -260,15 +257,3 @@ def _no_edges() -> EdgeHits:
     return EdgeHits(
         np.empty(0, np.int64), np.empty(shape, np.float32), np.empty(shape, np.int32), np.empty(shape, np.float32)
     )
-
-
-def compile_kernels() -> None:
-    """Compiles what scans and edges need, by a tiny one of each kind; numba keeps the result for later processes."""
-    scene = scene_of([Shape("world", Box((1.0, 1.0, 1.0)), SE3.trans(3.0))])
-    still = Poses(np.eye(3)[np.newaxis], np.zeros((1, 3)), np.eye(3)[np.newaxis, np.newaxis], np.zeros((1, 1, 3)))
-    conversion = LidarConversion()
-    conversion.set_scene(scene)
-    conversion.scan(uniform_beams(2, 1.0, -1.0, 8), still, 0.1, 10.0)
-    staggered = Beams(np.array([0.1, 0.0]), np.array([0.001, 0.0]), 0.01, SE3.identity(), 8)
-    conversion.scan(staggered, still, 0.1, 10.0)
-    conversion.edges(staggered, still, 0.1, 10.0, Footprint(0.01, 0.003))
