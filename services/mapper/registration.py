@@ -1,7 +1,8 @@
-"""What every registration method offers: it aligns scans to a target cloud of the map."""
+"""What registration methods offer, and what they say of a result."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -18,12 +19,14 @@ _SURFACE_TOLERANCE_M = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RegistrationResult:
-    """Where a scan was found in the map.
+    """Where a scan was found in its target.
 
-    is_converged: the last step was below the method's threshold. num_points: of the scan. num_inliers: those with a
-    target point within the correspondence gate; fitness_m2: the mean square of their distances along the surfaces'
-    normals, None without inliers. hessian: (6, 6) of half the sum of these squares, for a step of translation in
-    metres, then rotation in radians about the lidar, along the map's axes.
+    is_converged: the last step was below the method's threshold. num_points: of the scan, as the method took it.
+    num_inliers: those with something of the target within the gate; fitness_m2: the mean square of their distances to
+    it, None without inliers. score: 0..1, how well the target explains the scan. hessian: (6, 6) of half the sum of the
+    squared distances along the surfaces' normals, in m^2, for a step of translation in metres, then rotation in radians
+    about the lidar, along the map's axes. is_suspect: the pose fits, but another one a step away along a weak direction
+    would fit as well: it may be wrong. sigma_m: standard deviation of those distances, where the method knows it.
     """
 
     T_map_lidar: SE3
@@ -32,21 +35,50 @@ class RegistrationResult:
     num_points: int
     num_inliers: int
     fitness_m2: float | None
+    score: float
     hessian: NDArray[np.float64]
+    is_suspect: bool = False
+    sigma_m: float | None = None
 
-    @property
-    def score(self) -> float:
-        """Share of the scan that the target explains, 0..1, discounted as the inliers lie off their surfaces."""
-        if self.fitness_m2 is None:
-            return 0.0
-        return self.num_inliers / self.num_points / (1.0 + self.fitness_m2 / _SURFACE_TOLERANCE_M**2)
+
+def surface_score(num_inliers: int, num_points: int, fitness_m2: float | None) -> float:
+    """Share of the scan that the target explains, 0..1, discounted as the inliers lie off their surfaces."""
+    if fitness_m2 is None or num_points == 0:
+        return 0.0
+    return num_inliers / num_points / (1.0 + fitness_m2 / _SURFACE_TOLERANCE_M**2)
 
 
 class Registration(Protocol):
-    """A method, built on the target cloud (M, 3) it aligns to, which is in the map frame."""
+    """A point method, built on the target cloud (M, 3) it aligns to, which is in the map frame."""
 
     def align(self, points_lidar_m: Points, T_map_lidar: SE3, max_correspondence_m: float) -> RegistrationResult:
         """Aligns a scan (N, 3) in the lidar frame, from the predicted pose, with pairs up to `max_correspondence_m`."""
 
     def distances(self, points_map_m: Points) -> NDArray[np.float64]:
         """Distance (N,) in metres from each point (N, 3) in the map frame to the nearest of the target."""
+
+
+class ScanMatcher(Protocol):
+    """Finds scans in a target of its own, which it grows from the scans that were believed.
+
+    Scans are points (N, 3) in the lidar frame, filtered but not thinned, in the order in which they were measured.
+    """
+
+    def start(self, points_lidar_m: Points, T_map_lidar: SE3) -> None:
+        """Begins an empty target with this scan, which is where it is said to be.
+
+        Raises:
+            RegistrationError: the scan has too little to align others to.
+        """
+
+    def align(self, points_lidar_m: Points, guesses: Sequence[SE3], widening: float) -> RegistrationResult:
+        """The best place of a scan near the guesses of T_map_lidar, the most likely first; searches wider as needed.
+
+        widening: 1, 2, 4, 8 times the usual way from a guess are searched.
+        """
+
+    def accept(self, T_map_lidar: SE3) -> None:
+        """The scan aligned last was here: takes what it shows into the target."""
+
+    def localise(self, points_lidar_m: Points) -> RegistrationResult | None:
+        """The best place of a scan anywhere in the target, from no guess; None where nothing fits."""

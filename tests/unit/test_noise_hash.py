@@ -3,7 +3,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from services.sensors.kernel import kernel
+from shared.kernel import kernel
 from services.sensors.noise_hash import hash64, normal, uniform
 
 NUM = 400_000

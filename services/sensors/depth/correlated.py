@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sensors.kernel import kernel
+from shared.kernel import kernel
 from services.sensors.noise_hash import normal
 
 Float32 = NDArray[np.float32]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sensors.kernel import kernel
+from shared.kernel import kernel
 
 
 @kernel()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sensors.kernel import kernel
+from shared.kernel import kernel
 from services.sensors.noise_hash import hash64, normal_of, uniform_of
 
 Floats = NDArray[np.float32]
