@@ -104,7 +104,7 @@ def _map_status(ros_message: Any, seq: int) -> m.MapStatus:
     names = [name for name in m.MapStatus.__dataclass_fields__ if name not in ("stamp_ns", "seq", "frame")]
     values = {name: getattr(ros_message, name) for name in names}
     values["degenerate_axes"] = tuple(values["degenerate_axes"])
-    values["fitness"] = None if np.isnan(values["fitness"]) else values["fitness"]
+    values["fitness"], values["leg_slip_m"] = _known(values["fitness"]), _known(values["leg_slip_m"])
     header = ros_message.header
     return m.MapStatus(stamp_ns=_stamp_ns(header.stamp), seq=seq, frame=header.frame_id, **values)
 
