@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.mapper.methods.registry import make_matcher
+from services.mapper.matching import make_matcher
 from services.mapper.registration import Points, RegistrationError, ScanMatcher
 from services.mapper.tracking import Track, Tracker
 from services.mapper.voxel_map import VoxelMap
