@@ -28,7 +28,7 @@ class Reports:
         if slip is not None:
             distance_mm, angle_deg = slip.distance_m * 1000, math.degrees(slip.angle_rad)
             text = (
-                f"a foot slipped: legs and scans disagree by {distance_mm:.0f} mm and {angle_deg:.1f} deg in a second"
+                f"a foot slipped: legs and scans differ by {distance_mm:.0f} mm, {angle_deg:.1f} deg in a second"
             )
             said.append((Severity.WARNING, text))
         return [
