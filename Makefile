@@ -18,7 +18,7 @@ $(STAMP): requirements-dev.lock pyproject.toml tools/system-libraries.sh
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
-$(KERNELS): $(STAMP) $(shell find services/sensors services/mapper shared/kernel.py shared/depth_points.py -name '*.py')
+$(KERNELS): $(STAMP) $(shell find services/sensors services/mapper shared/kernel.py shared/deskew.py shared/depth_points.py -name '*.py')
 	$(BIN)/python -m services.sensors.compile_kernels
 	$(BIN)/python -m services.mapper.compile_kernels
 	touch $@
