@@ -22,9 +22,9 @@ def covariance(result: RegistrationResult) -> NDArray[np.float64] | None:
     three to eight at 30 mm. The error which the map itself has accumulated is not in it.
     """
     redundancy = result.num_inliers - len(AXES)
-    if result.fitness_m2 is None or redundancy <= 0 or degenerate_axes(result.hessian):
+    if result.sigma_m is None or redundancy <= 0 or degenerate_axes(result.hessian):
         return None
-    variance_m2 = result.fitness_m2 * result.num_inliers / redundancy
+    variance_m2 = result.sigma_m**2 * result.num_inliers / redundancy
     inverse = np.linalg.inv(result.hessian) * variance_m2
     symmetric: NDArray[np.float64] = (inverse + inverse.T) / 2.0
     return symmetric
