@@ -9,12 +9,17 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.errors import HyrecroError
 from shared.geometry import SE3
 
 Points = NDArray[np.floating]
 
 _SURFACE_TOLERANCE_M = 0.01
 """Inliers this far off their surfaces count half: good registrations have 3-5 mm, slipped ones mostly 7-14 mm."""
+
+
+class RegistrationError(HyrecroError):
+    """A scan has too little to align others to, or was not found: the text says which."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
