@@ -139,23 +139,31 @@ def _is_scattered(M: Float, T: Float, plane: Float, sigma_m: float, cosine: floa
 
 
 @kernel(fastmath=REASSOCIATED)
+def seek_wide(runs: Runs, i: int, T: Float, table: VoxelTable, planes: Float, gate_m: float) -> tuple[int, float]:
+    """The patch on which run i may lie at a pose T (3, 4), as far as a wide gate says, and its distance; or -1."""
+    ray = _turn(T, runs.centroids_m[i])
+    p = (ray[0] + T[0, 3], ray[1] + T[1, 3], ray[2] + T[2, 3])
+    entries = table.lists[slot_at(table, p[0], p[1], p[2])]
+    slope = 0.25 + 3.0 * runs.slopes[i]
+    j, distance_m, _ = _seek(entries, planes, p, ray, _turn(T, runs.directions[i]), slope, gate_m, True)
+    if j >= 0 and _cosine(planes[j], ray) < _MIN_COSINE:
+        j = -1
+    return j, distance_m
+
+
+@kernel(fastmath=REASSOCIATED)
 def associate_wide(
     runs: Runs, stride: int, T: Float, table: VoxelTable, planes: Float, gate_m: float, out: Association
 ) -> None:
     """Takes every stride-th run to the nearest patch within a wide gate, the nearer the more it counts (Tukey)."""
     clear(out)
     for i in range(0, len(runs.centroids_m), stride):
-        ray, sigma_m = _turn(T, runs.centroids_m[i]), runs.sigma_m[i]
-        p = (ray[0] + T[0, 3], ray[1] + T[1, 3], ray[2] + T[2, 3])
+        sigma_m = runs.sigma_m[i]
         reach_m = max(gate_m, 4.0 * sigma_m)
-        entries = table.lists[slot_at(table, p[0], p[1], p[2])]
-        slope = 0.25 + 3.0 * runs.slopes[i]
-        j, distance_m, _ = _seek(entries, planes, p, ray, _turn(T, runs.directions[i]), slope, reach_m, True)
+        j, distance_m = seek_wide(runs, i, T, table, planes, reach_m)
         if j < 0:
             continue
-        cosine = _cosine(planes[j], ray)
-        if cosine < _MIN_COSINE:
-            continue
+        cosine = _cosine(planes[j], _turn(T, runs.centroids_m[i]))
         tukey = 1.0 - (distance_m / reach_m) ** 2
         weight = (tukey / (sigma_m * max(cosine, _LEAST_COSINE))) ** 2
         _add(out, j, runs.moments[i], runs.num_points[i], weight)

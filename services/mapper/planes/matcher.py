@@ -15,6 +15,7 @@ from services.mapper.planes.growth import add_new_patches, extend_patches
 from services.mapper.planes.noise import NUM_RANGE_BINS, sigma_by_range
 from services.mapper.planes.patches import Patches, PatchMap
 from services.mapper.planes.runs import Runs, cut_runs
+from services.mapper.planes.search import Reach, candidates, is_same_place, pieces_of
 from services.mapper.registration import Points, RegistrationError, RegistrationResult
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
@@ -30,6 +31,19 @@ _SCORE_TOLERANCE = 0.06
 """A score so far below the usual is looked into: right ones vary by less."""
 _SHARE_OF_USUAL = 0.6
 _FORGETTING = 0.2
+
+
+_NUM_FOLLOWED = 10
+_SLIP_M = 0.025
+_RIVAL_MARGIN = 0.02
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Candidate:
+    """A pose (3, 4), and its score."""
+
+    score: float
+    T: Float
 
 
 @dataclass(slots=True)
@@ -88,11 +102,34 @@ class PlaneMatcher:
         runs = cut_runs(points_lidar_m, self._sigma_m)
         association = room_for(self._config.max_planes, len(runs.num_points))
         target = self._target()
-        T = _pose_array(guesses[0])
-        counts = approach(runs, T, target, _GATE_M, 1, association)
+        poses = [_pose_array(guess) for guess in guesses]
+        best = self._follow(runs, poses[0], _GATE_M, association)
+        is_suspect = False
+        if best.score < self._usual_score - _SCORE_TOLERANCE:
+            best, is_suspect = self._searched(runs, poses, widening, best, association)
+        T = best.T.copy()
         counts, step = finish(runs, T, target, association)
         self._found = _Found(runs, association, T, self._score(counts), counts.num_explained / max(counts.num_points, 1))
-        return self._result(step)
+        return self._result(step, is_suspect)
+
+    def _follow(self, runs: Runs, T: Float, gate_m: float, association: Association) -> _Candidate:
+        T = T.copy()
+        return _Candidate(self._score(approach(runs, T, self._target(), gate_m, 1, association)), T)
+
+    def _searched(
+        self, runs: Runs, guesses: list[Float], widening: float, first: _Candidate, association: Association
+    ) -> tuple[_Candidate, bool]:
+        """The best candidate near the guesses, and whether another place is about as good."""
+        assert self._map is not None
+        self.stages[1] += 1
+        good = self._usual_score - _SCORE_TOLERANCE
+        pieces = pieces_of(runs, self._map.voxel_m)
+        reach = Reach(np.radians(80.0) * widening, 0.3 * widening, 600)
+        found = candidates(runs, pieces, guesses, reach, self._target(), self._map.num_patches, _NUM_FOLLOWED)
+        followed = [first] + [self._follow(runs, T, 2.0 * _GATE_M, association) for T in found]
+        best = max(followed, key=lambda candidate: candidate.score)
+        rivals = [c.score for c in followed if not is_same_place(c.T, best.T, _SLIP_M)]
+        return best, max(rivals, default=0.0) > best.score - _RIVAL_MARGIN
 
     def accept(self, T_map_lidar: SE3) -> None:
         """The scan aligned last was here: takes what it shows into the map."""
@@ -128,7 +165,7 @@ class PlaneMatcher:
         share = counts.num_explained / max(counts.num_points, 1)
         return _explained_share(counts) - 2.0 * max(0.0, _SHARE_OF_USUAL * self._usual_share - share)
 
-    def _result(self, step: float) -> RegistrationResult:
+    def _result(self, step: float, is_suspect: bool) -> RegistrationResult:
         assert self._found is not None and self._map is not None
         found, H = self._found, np.empty((6, 6))
         squares_m2, num = normal_sums(found.T, found.association, self._map.arrays.planes, H)
@@ -144,6 +181,7 @@ class PlaneMatcher:
             fitness_m2=squares_m2 / num if num else None,
             score=min(max(found.score, 0.0), 1.0),
             hessian=turn @ H @ turn.T,
+            is_suspect=is_suspect,
             sigma_m=float(np.median(found.runs.sigma_m)) if num_points else None,
         )
 
