@@ -26,6 +26,10 @@ class RegistrationError(HyrecroError):
     """A target that nothing can be aligned to."""
 
 
+class RegistrationError(HyrecroError):
+    """A scan has too little to align others to, or was not found: the text says which."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RegistrationResult:
     """Where a scan was found in its target.
