@@ -10,8 +10,8 @@ import typer
 
 from cli import (
     config_commands,
-    map_commands,
     eval_commands,
+    map_commands,
     pipeline_commands,
     robot_commands,
     sensor_commands,
