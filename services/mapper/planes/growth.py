@@ -9,7 +9,7 @@ from services.mapper.planes.association import CONTRADICTED, UNEXPLAINED, Associ
 from services.mapper.planes.extraction import MAX_RADIUS_M, extract_planes
 from services.mapper.planes.patches import PatchArrays, PatchMap
 from services.mapper.planes.runs import Runs
-from services.mapper.planes.voxel_table import VoxelTable, put_around, slot_at
+from services.mapper.planes.voxel_table import VoxelTable, put_about, put_around, slot_at
 from shared.kernel import kernel
 
 Float = NDArray[np.float64]
@@ -41,7 +41,6 @@ def _candidate(entries: NDArray[np.int32], patches: PatchArrays, p: Float, ray: 
 
 @kernel()
 def _extend(runs: Runs, T: Float, found: Association, table: VoxelTable, wide: VoxelTable, patches: PatchArrays) -> None:
-    reach_m, wide_m = 0.5 / table.inverse_m[0], 1.0 / wide.inverse_m[0]
     ray, p = np.empty(3), np.empty(3)
     for i in range(len(runs.centroids_m)):
         if found.assigned[i] != CONTRADICTED:
@@ -57,8 +56,8 @@ def _extend(runs: Runs, T: Float, found: Association, table: VoxelTable, wide: V
         table.hits[slot] += 1
         if table.hits[slot] == _MIN_HITS:
             table.hits[slot] = 0
-            put_around(table, p[0], p[1], p[2], reach_m, j)
-            put_around(wide, p[0], p[1], p[2], wide_m, j)
+            put_about(table, p[0], p[1], p[2], j)
+            put_around(wide, p[0], p[1], p[2], j)
 
 
 def extend_patches(patch_map: PatchMap, runs: Runs, T_map_lidar: Float, found: Association) -> None:
@@ -76,8 +75,10 @@ def add_new_patches(patch_map: PatchMap, runs: Runs, T_map_lidar: Float, assigne
     planes, labels = extract_planes(runs, left, T_map_lidar, patch_map.voxel_m, _MAX_NEW_PLANES)
     if not len(planes):
         return 0
+    is_new = labels >= 0
+    left, labels = left[is_new], labels[is_new]
     points_m = runs.centroids_m[left] @ T_map_lidar[:, :3].T + T_map_lidar[:, 3]
-    indices = np.full(len(planes) + 1, -1)
+    indices = np.full(len(planes), -1)
     for k, plane in enumerate(planes):
         centre_m = points_m[labels == k].mean(axis=0)
         same = _same_patch(patch_map, plane, centre_m)

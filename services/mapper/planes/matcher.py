@@ -126,7 +126,11 @@ class PlaneMatcher:
         pieces = pieces_of(runs, self._map.voxel_m)
         reach = Reach(np.radians(80.0) * widening, 0.3 * widening, 600)
         found = candidates(runs, pieces, guesses, reach, self._target(), self._map.num_patches, _NUM_FOLLOWED)
-        followed = [first] + [self._follow(runs, T, 2.0 * _GATE_M, association) for T in found]
+        followed = [first]
+        for T in found:
+            followed.append(self._follow(runs, T, 2.0 * _GATE_M, association))
+            if followed[-1].score > good:
+                break
         best = max(followed, key=lambda candidate: candidate.score)
         rivals = [c.score for c in followed if not is_same_place(c.T, best.T, _SLIP_M)]
         return best, max(rivals, default=0.0) > best.score - _RIVAL_MARGIN

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from services.mapper.planes.association import Association
 from services.mapper.planes.moments import NUM_MOMENTS, add_moved, fit_plane
-from services.mapper.planes.voxel_table import VoxelTable, empty_table, put_around, with_room
+from services.mapper.planes.voxel_table import VoxelTable, empty_table, put_about, put_around, with_room
 from shared.kernel import kernel
 
 Float = NDArray[np.float64]
@@ -80,10 +80,11 @@ def refit(patches: PatchArrays, j: int) -> None:
 
 
 @kernel()
-def _list_points(points_m: Float, patch_of: NDArray[np.int64], table: VoxelTable, reach_m: float) -> None:
+def _list_points(points_m: Float, patch_of: NDArray[np.int64], narrow: VoxelTable, wide: VoxelTable) -> None:
     for i in range(len(points_m)):
         if patch_of[i] >= 0:
-            put_around(table, points_m[i, 0], points_m[i, 1], points_m[i, 2], reach_m, patch_of[i])
+            put_about(narrow, points_m[i, 0], points_m[i, 1], points_m[i, 2], patch_of[i])
+            put_around(wide, points_m[i, 0], points_m[i, 1], points_m[i, 2], patch_of[i])
 
 
 class PatchMap:
@@ -124,10 +125,9 @@ class PatchMap:
     def list_points(self, points_m: Float, patch_of: NDArray[np.int64]) -> None:
         """The patches (N,) were seen at points (N, 3) in the map frame; -1: none was."""
         for i in range(0, len(points_m), _POINTS_AT_ONCE):
-            some_m, patches = points_m[i : i + _POINTS_AT_ONCE], patch_of[i : i + _POINTS_AT_ONCE]
             self.make_room()
-            _list_points(some_m, patches, self.narrow, 0.5 * self.voxel_m)
-            _list_points(some_m, patches, self.wide, 1.0 / float(self.wide.inverse_m[0]))
+            some = slice(i, i + _POINTS_AT_ONCE)
+            _list_points(points_m[some], patch_of[some], self.narrow, self.wide)
 
     def make_room(self) -> None:
         """Enlarges the tables so far that a few hundred points can be listed."""
