@@ -16,6 +16,9 @@ from shared.kernel import kernel
 Float = NDArray[np.float64]
 
 WIDE_VOXEL_M = 0.2
+_MIN_VOXEL_M = 0.1
+_SIGMAS_A_VOXEL = 4.0
+"""A voxel in which noise is as thick as the voxel has no flat piece."""
 _PATCHES_A_VOXEL = 6
 _PATCHES_A_WIDE_VOXEL = 12
 MAX_SLOTS = 1 << 20
@@ -88,18 +91,22 @@ def _list_points(points_m: Float, patch_of: NDArray[np.int64], narrow: VoxelTabl
 
 
 class PatchMap:
-    """Patches and where they are. max_patches: further ones are not taken up. voxel_m: of the narrow table."""
+    """Patches and where they are. max_patches: further ones are not taken up.
 
-    def __init__(self, max_patches: int, voxel_m: float) -> None:
-        self.voxel_m = voxel_m
+    sigma_by_range_m: noise of a range, of `sigma_by_range`; usual_sigma_m: at the ranges that are met most.
+    """
+
+    def __init__(self, max_patches: int, sigma_by_range_m: Float, usual_sigma_m: float) -> None:
+        self.voxel_m = max(_MIN_VOXEL_M, _SIGMAS_A_VOXEL * usual_sigma_m)
+        self.sigma_by_range_m = sigma_by_range_m
         self.num_patches = 0
         self._max_patches = max_patches
         room = min(max_patches, 512)
         self.arrays = PatchArrays(
             np.zeros((room, 4)), np.zeros((room, 3)), np.zeros((room, NUM_MOMENTS)), np.zeros(room, np.int64)
         )
-        self.narrow = empty_table(voxel_m, _PATCHES_A_VOXEL)
-        self.wide = empty_table(max(WIDE_VOXEL_M, 2.0 * voxel_m), _PATCHES_A_WIDE_VOXEL)
+        self.narrow = empty_table(self.voxel_m, _PATCHES_A_VOXEL)
+        self.wide = empty_table(max(WIDE_VOXEL_M, 2.0 * self.voxel_m), _PATCHES_A_WIDE_VOXEL)
 
     @property
     def snapshot(self) -> Patches:
