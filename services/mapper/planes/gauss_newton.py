@@ -106,7 +106,7 @@ def eliminate_patch(N: Float) -> None:
                 N[i, j] -= factor * N[p, j]
 
 
-@kernel()
+@kernel(fastmath={"contract", "reassoc", "nsz"})
 def factorise(H: Float) -> None:
     """The lower half of a positive definite H (K, K) becomes its Cholesky factor."""
     for i in range(len(H)):

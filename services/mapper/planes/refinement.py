@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from services.mapper.planes.association import associate, room_for
 from services.mapper.planes.bundle import Blocks, Equations, eliminate_poses, empty_equations, linearise, substitute
+from services.mapper.planes.gauss_newton import factorise, solve_factorised
 from services.mapper.planes.patches import PatchMap
 from services.mapper.planes.runs import cut_runs
 from services.mapper.registration import Points
@@ -96,7 +97,9 @@ def _solve(blocks: Blocks, T: Float, planes: Float, origins: Float) -> None:
     for _ in range(_MAX_STEPS):
         linearise(blocks, T, free, free_origins, equations)
         eliminate_poses(blocks, starts, equations)
-        steps = np.linalg.solve(equations.reduced, -equations.reduced_gradient)
+        steps = -equations.reduced_gradient
+        factorise(equations.reduced)
+        solve_factorised(equations.reduced, steps)
         if substitute(blocks, starts, equations, steps, T, free, free_origins) < _LAST_STEP:
             break
     planes[chosen] = free
