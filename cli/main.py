@@ -10,6 +10,7 @@ import typer
 
 from cli import (
     config_commands,
+    map_commands,
     eval_commands,
     pipeline_commands,
     robot_commands,
@@ -28,6 +29,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 pipeline_commands.register(app)
+map_commands.register(app)
 eval_commands.register(app)
 app.add_typer(robot_commands.app, name="robot", help="Command the robot and read its state.")
 app.add_typer(sensor_commands.app, name="sensor", help="See what the sensors see.")

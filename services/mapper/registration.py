@@ -9,12 +9,25 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.errors import HyrecroError
 from shared.geometry import SE3
 
 Points = NDArray[np.floating]
 
-_SURFACE_TOLERANCE_M = 0.01
-"""Inliers this far off their surfaces count half: good registrations have 3-5 mm, slipped ones mostly 7-14 mm."""
+MIN_POINTS = 20
+"""A cloud with fewer thinned points is not registered: the local shape of one point alone takes ten."""
+
+_SURFACE_TOLERANCE_M = 0.02
+"""Inliers this far off their surfaces count half: at 8 mm of range noise and 5 cm voxels good registrations have
+6-8 mm, those that slipped by 2, 5, 10 cm have 11-13, 23-30, 28-50 mm."""
+
+
+class RegistrationError(HyrecroError):
+    """A target that nothing can be aligned to."""
+
+
+class RegistrationError(HyrecroError):
+    """A scan has too little to align others to, or was not found: the text says which."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,11 +54,28 @@ class RegistrationResult:
     sigma_m: float | None = None
 
 
-def surface_score(num_inliers: int, num_points: int, fitness_m2: float | None) -> float:
-    """Share of the scan that the target explains, 0..1, discounted as the inliers lie off their surfaces."""
-    if fitness_m2 is None or num_points == 0:
+def surface_score(num_inliers: int, num_points: int, variance_m2: float | None) -> float:
+    """Share of the scan that the target explains, 0..1, discounted as the inliers lie off their surfaces.
+
+    variance_m2: the mean square of the inliers' distances along the surfaces' normals; None without inliers.
+    """
+    if variance_m2 is None or num_points == 0:
         return 0.0
-    return num_inliers / num_points / (1.0 + fitness_m2 / _SURFACE_TOLERANCE_M**2)
+    return num_inliers / num_points / (1.0 + variance_m2 / _SURFACE_TOLERANCE_M**2)
+
+
+def nothing_found(num_points: int, T_map_lidar: SE3) -> RegistrationResult:
+    """The result where a scan has too few points, or nothing of it is explained: the guess, with score 0."""
+    return RegistrationResult(
+        T_map_lidar=T_map_lidar,
+        is_converged=False,
+        num_iterations=0,
+        num_points=num_points,
+        num_inliers=0,
+        fitness_m2=None,
+        score=0.0,
+        hessian=np.zeros((6, 6)),
+    )
 
 
 class Registration(Protocol):
@@ -56,6 +86,19 @@ class Registration(Protocol):
 
     def distances(self, points_map_m: Points) -> NDArray[np.float64]:
         """Distance (N,) in metres from each point (N, 3) in the map frame to the nearest of the target."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """A plane of the target, in the map frame. plane (4,): unit normal towards the side it was seen from, then offset.
+
+    id: stays the same while the surface is refined. outline_m (K, 3): corners of the part that was seen.
+    """
+
+    id: int
+    plane: NDArray[np.float64]
+    num_points: int
+    outline_m: NDArray[np.float64]
 
 
 class ScanMatcher(Protocol):
@@ -82,3 +125,6 @@ class ScanMatcher(Protocol):
 
     def localise(self, points_lidar_m: Points) -> RegistrationResult | None:
         """The best place of a scan anywhere in the target, from no guess; None where nothing fits."""
+
+    def surfaces(self) -> list[Surface]:
+        """The planes of the target; none where the method knows none."""
