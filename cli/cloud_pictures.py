@@ -59,7 +59,7 @@ def draw_planes(path: Path, points_m: Float, planes: Sequence[CloudPlane], title
         for number, plane in enumerate(planes[:20])
     ]
     if marks:
-        oblique.legend(handles=marks, loc="upper left", fontsize=8, title="normal, distance, points")
+        figure.legend(handles=marks, loc="outside left upper", fontsize=8, title="normal, distance, points")
     figure.suptitle(title)
     figure.savefig(path, dpi=110)
 
