@@ -27,7 +27,7 @@ app = typer.Typer(no_args_is_help=True)
 def planes(
     file: Annotated[Path | None, typer.Argument(metavar="FILE.pcd|.ply|.las", help="Instead: --live.")] = None,
     live: Annotated[bool, typer.Option("--live", help="Takes the newest cloud from the bus.")] = False,
-    key: Annotated[str, typer.Option(help="Where --live looks.")] = "map/cloud",
+    key: Annotated[str | None, typer.Option(help="Where --live looks; default the map.")] = None,
     max_: Annotated[int, typer.Option("--max", min=1, help="How many planes at most.")] = 11,
     threshold: Annotated[float, typer.Option(help="Metres from a plane within which points are its own.")] = 0.04,
     method: Annotated[str, typer.Option(metavar="ransac|region", help="Largest planes, or connected ones.")] = "ransac",
@@ -53,7 +53,7 @@ def planes(
     settings = resolved(config, set_)
     points_m = _points(file, key, settings)
     found = METHODS[method](points_m, max_, threshold, settings.seed)
-    name = str(file or key)
+    name = str(file or key or "the map")
     if save is not None:
         from cli.cloud_pictures import colours_of
         from shared.cloud_files import write_cloud
@@ -109,7 +109,7 @@ def filter_(
 
 @app.command("save")
 def save_(
-    key: Annotated[str, typer.Option(help="Where clouds come.")] = "lidar/points",
+    key: Annotated[str | None, typer.Option(help="Where clouds come; default the LiDAR's scans.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder; numbers go on in it. Default out/<UTC time>/.")] = None,
     every: Annotated[float | None, typer.Option(min=0, help="Seconds; without it, Enter saves a cloud.")] = None,
     num: Annotated[int | None, typer.Option(min=1, help="Ends after so many.")] = None,
@@ -119,13 +119,15 @@ def save_(
     """Saves clouds from the bus as data0.pcd, data1.pcd ...: at each Enter, or by itself; Ctrl-C ends it."""
     from cli.cloud_saving import CloudSaver, EnterKey, Every, save_clouds
     from cli.live_clouds import cloud_channel, cloud_stream
+    from shared.messaging.channels import LIDAR_POINTS
     from shared.runtime.exit_codes import Exit
     from shared.runtime.run_folder import make_run_folder, run_name
     from shared.runtime.runner import StopSignal
 
     if every is None and not sys.stdin.isatty():
         raise typer.BadParameter("without a terminal there is no key to press: give --every S")
-    channel, settings = cloud_channel(key), resolved(config, set_)
+    channel = LIDAR_POINTS if key is None else cloud_channel(key)
+    settings = resolved(config, set_)
     stop = StopSignal()
     with cloud_stream(settings, channel, stop.is_set) as stream:
         folder = out or make_run_folder(settings.recorder, run_name(settings.recorder))
@@ -137,16 +139,18 @@ def save_(
     raise typer.Exit(stop.exit_code() if stop.is_set() else Exit.FINE)
 
 
-def _points(file: Path | None, key: str, config: Config) -> NDArray[np.float64]:
+def _points(file: Path | None, key: str | None, config: Config) -> NDArray[np.float64]:
     if file is not None:
         from cli.clouds import finite_points
 
         return finite_points(file, _warn)
-    from cli.live_clouds import live_points
+    from cli.live_clouds import cloud_channel, live_points
+    from shared.messaging.channels import MAP_CLOUD
     from shared.runtime.runner import StopSignal
 
+    channel = MAP_CLOUD if key is None else cloud_channel(key)
     with StopSignal() as stop:
-        return live_points(config, key, stop.is_set)
+        return live_points(config, channel, stop.is_set)
 
 
 def _drawn(points_m: NDArray[np.float64], found: list[CloudPlane], name: str, out: Path | None, config: Config) -> Path:

@@ -65,13 +65,12 @@ def cloud_stream(config: Config, channel: Channel, is_stopping: Callable[[], boo
         yield CloudStream(bus, channel)
 
 
-def live_points(config: Config, key: str, is_stopping: Callable[[], bool]) -> Float:
-    """The finite points of the newest message on a key; a kept one is had at once, others when the next comes.
+def live_points(config: Config, channel: Channel, is_stopping: Callable[[], bool]) -> Float:
+    """The finite points of the newest message on a channel; a kept one is had at once, others when the next comes.
 
     Raises:
-        InputFileError: no such channel. BusError: no router, or no cloud within 5 s. CloudFileError: it has no points.
+        BusError: no router, or no cloud within 5 s. CloudFileError: it has no points.
     """
-    channel = cloud_channel(key)
     message: CloudMessage | None = None
     with Bus(config.bus, is_stopping=is_stopping) as bus:
         stream = CloudStream(bus, channel)
