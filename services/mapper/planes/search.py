@@ -20,6 +20,9 @@ _ROUGH_GATE_M = 0.12
 _NUM_ROUGH_RUNS = 120
 _MAX_PIECES = 60
 _MAX_CANDIDATES = 12
+_NUM_WEAK = 2
+_SHIFTS_M = (-0.12, -0.08, -0.04, 0.04, 0.08, 0.12)
+"""Lengths of the slips that were met: within half a bar's width."""
 _MAX_POSES_ANYWHERE = 2000
 _APART_M = 0.06
 _APART_RAD = 0.06
@@ -109,6 +112,18 @@ def _poses(R: Float, pieces: Pieces, planes: Float, near_m: Float, reach: Reach)
     poses = np.empty((len(t), 3, 4))
     poses[:, :, :3], poses[:, :, 3] = R, t
     return poses
+
+
+def weakly_shifted(T: Float, hessian: Float) -> list[Float]:
+    """The pose (3, 4), moved by a slip's length along the two directions that say least. hessian: in the map's axes."""
+    _, directions = np.linalg.eigh(hessian[:3, :3])
+    shifted = []
+    for direction in directions.T[:_NUM_WEAK]:
+        for shift_m in _SHIFTS_M:
+            moved = T.copy()
+            moved[:, 3] += shift_m * direction
+            shifted.append(moved)
+    return shifted
 
 
 def well_apart(poses: Float, max_num: int) -> list[Float]:
