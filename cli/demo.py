@@ -71,7 +71,8 @@ def _run_pipeline(config: Config, arguments: list[str], folder: Path, is_stoppin
 def _write_results(folder: Path, config: Config) -> RunReport:
     from cli.pictures import draw_map
     from services.recorder.recording import Recording
-    from shared.files import write_pcd, write_tum
+    from shared.cloud_files import write_pcd
+    from shared.trajectory_files import write_tum
 
     report = score_run(Recording(folder / "run.mcap"), config)
     write_pcd(folder / "map.pcd", report.map_points_m)

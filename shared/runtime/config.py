@@ -156,6 +156,13 @@ class MapperConfig(Section):
     max_jump_deg: float = Field(45.0, gt=0, le=180)
     """A registration farther than this from both the prediction and the last tracked pose is not believed."""
     max_iterations: int = Field(20, ge=1, le=1000)
+    max_leg_error_m: float = Field(0.01, gt=0, le=10)
+    max_leg_error_deg: float = Field(1.5, gt=0, le=180)
+    """Where legs and scans disagree by more over a second, a foot is said to have slipped: encoders explain less."""
+    depth_stride: int = Field(4, ge=1, le=64)
+    """Of depth images, only every so many rows and columns are taken."""
+    map_file: InputFile | None = None
+    """A cloud to begin with: the first scan is looked for in it, and its frame is the map's."""
     map_rate_hz: float = Field(1.0, gt=0, le=10)
     num_threads: int = Field(1, ge=1, le=64)
 
