@@ -144,7 +144,9 @@ class SmallGicpScanToMap:
 
     def _align(self, source: Any, guess: Array) -> Array:
         if self._method == "VGICP":
-            return self._small.align(self._target, source, guess, max_correspondence_distance=self.GATE_M).T_target_source
+            return self._small.align(
+                self._target, source, guess, max_correspondence_distance=self.GATE_M
+            ).T_target_source
         target, tree = self._target
         kind = {"registration_type": "GICP", "max_correspondence_distance": self.GATE_M}
         return self._small.align(target, source, tree, guess, **kind).T_target_source
