@@ -50,6 +50,11 @@ class ScanFiles:
     paths: dict[int, Path]
     missing: tuple[str, ...]
 
+    def first(self, num: int | None) -> ScanFiles:
+        """The first so many; None: all."""
+        numbers = list(self.paths)[:num]
+        return ScanFiles({number: self.paths[number] for number in numbers}, _gaps(numbers))
+
 
 def read_cloud(path: Path) -> Cloud:
     """The cloud of a .pcd, .ply or .las file. No points, and points that are NaN, are legal.

@@ -63,6 +63,8 @@ class Mapper:
         self._scans = SequenceCounter()
         self._reports = Reports()
         self._camera: CameraInfo | None = None
+        self.last_points_m: Points = np.empty((0, 3))
+        """The last scan as it was registered: filtered and straightened (N, 3), in the sensor's frame."""
         self._stamp_ns = 0
         self._num_sent: dict[type[Message], int] = {}
         self._map_period = -1
@@ -155,6 +157,7 @@ class Mapper:
     ) -> list[Message]:
         self._scans.add(seq)
         filtered = self._filter.filtered(points_m, self._motion.body_mask(points_m, self._stamp_ns))
+        self.last_points_m = filtered.points_m
         step = self._motion.step(self._stamp_ns)
         track = self._target.add(filtered.points_m, step.T_last_now)
         registered_ns = self._clock_ns()

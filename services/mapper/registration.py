@@ -9,12 +9,20 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.errors import HyrecroError
 from shared.geometry import SE3
 
 Points = NDArray[np.floating]
 
+MIN_POINTS = 20
+"""A cloud with fewer thinned points is not registered: the local shape of one point alone takes ten."""
+
 _SURFACE_TOLERANCE_M = 0.01
 """Inliers this far off their surfaces count half: good registrations have 3-5 mm, slipped ones mostly 7-14 mm."""
+
+
+class RegistrationError(HyrecroError):
+    """A target that nothing can be aligned to."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,6 +54,20 @@ def surface_score(num_inliers: int, num_points: int, fitness_m2: float | None) -
     if fitness_m2 is None or num_points == 0:
         return 0.0
     return num_inliers / num_points / (1.0 + fitness_m2 / _SURFACE_TOLERANCE_M**2)
+
+
+def nothing_found(num_points: int, T_map_lidar: SE3) -> RegistrationResult:
+    """The result where a scan has too few points, or nothing of it is explained: the guess, with score 0."""
+    return RegistrationResult(
+        T_map_lidar=T_map_lidar,
+        is_converged=False,
+        num_iterations=0,
+        num_points=num_points,
+        num_inliers=0,
+        fitness_m2=None,
+        score=0.0,
+        hessian=np.zeros((6, 6)),
+    )
 
 
 class Registration(Protocol):

@@ -1,0 +1,98 @@
+"""Finds scans by a point method: thins them, tries the guesses, searches wider where these fail, keeps the target."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.mapper.keyframe_map import KeyframeMap, LastScan
+from services.mapper.methods.registry import RegistrationClass
+from services.mapper.registration import (
+    MIN_POINTS,
+    Points,
+    Registration,
+    RegistrationError,
+    RegistrationResult,
+    nothing_found,
+)
+from services.mapper.voxel_map import voxel_centroids
+from shared.geometry import SE3
+from shared.runtime.config import MapperConfig
+
+_CLEAR_SCORE = 0.75
+"""From here on no other pose is tried: on lattices, wrong poses that had converged stayed below."""
+_SEARCH_STRIDE = 4
+"""The first guess of a wider search takes every fourth point."""
+
+
+class PointMatcher:
+    """A `ScanMatcher` whose target is points: the map, or the last scan, as `scan_to` of the configuration says."""
+
+    def __init__(self, config: MapperConfig, method: RegistrationClass) -> None:
+        self._config = config
+        self._method = method
+        self._target: KeyframeMap | LastScan | None = None
+        self._thinned_m = np.empty((0, 3))
+
+    @property
+    def target_points_m(self) -> NDArray[np.float64]:
+        """What scans are aligned to (N, 3), in the map frame."""
+        return np.empty((0, 3)) if self._target is None else self._target.points_m
+
+    def start(self, points_lidar_m: Points, T_map_lidar: SE3) -> None:
+        """Begins an empty target with this scan (N, 3), which is where it is said to be.
+
+        Raises:
+            RegistrationError: it has too few points.
+        """
+        kind = KeyframeMap if self._config.scan_to == "map" else LastScan
+        self._target = kind(self._thin(points_lidar_m), T_map_lidar, self._config, self._method)
+
+    def align(self, points_lidar_m: Points, guesses: Sequence[SE3], widening: float) -> RegistrationResult:
+        """The first clear result of the attempts near the guesses, or the one of the highest score.
+
+        Raises:
+            RegistrationError: there is no target yet.
+        """
+        registration = self._started().registration
+        self._thinned_m = self._thin(points_lidar_m)
+        if len(self._thinned_m) < MIN_POINTS:
+            return nothing_found(len(self._thinned_m), guesses[0])
+        results = []
+        for result in self._attempts(registration, guesses, widening):
+            results.append(result)
+            if result.is_converged and result.score >= _CLEAR_SCORE:
+                return result
+        return max(results, key=lambda result: result.score)
+
+    def accept(self, T_map_lidar: SE3) -> None:
+        """The scan aligned last was here: takes what it shows into the target.
+
+        Raises:
+            RegistrationError: there is no target yet.
+        """
+        target = self._started()
+        if len(self._thinned_m) >= MIN_POINTS:
+            target.add(self._thinned_m, T_map_lidar)
+
+    def _attempts(
+        self, registration: Registration, guesses: Sequence[SE3], widening: float
+    ) -> Iterator[RegistrationResult]:
+        """From each guess with near pairs only; then from each with far pairs first."""
+        gate_m = self._config.max_correspondence_m
+        search_gate_m = self._config.search_correspondence_m * widening
+        for guess in guesses:
+            yield registration.align(self._thinned_m, guess, gate_m)
+        for guess in guesses:
+            coarse = registration.align(self._thinned_m[::_SEARCH_STRIDE], guess, search_gate_m)
+            yield registration.align(self._thinned_m, coarse.T_map_lidar, gate_m)
+
+    def _thin(self, points_lidar_m: Points) -> NDArray[np.float64]:
+        return voxel_centroids(points_lidar_m, self._config.voxel_size_m)
+
+    def _started(self) -> KeyframeMap | LastScan:
+        if self._target is None:
+            raise RegistrationError("there is no target to align to: start with a scan")
+        return self._target
