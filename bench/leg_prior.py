@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.files import write_tum
 from shared.geometry import SE3
 from shared.messaging.messages import JOINT_NAMES, Foot
 from shared.robot.kinematics import HYRECRO, T_fixed_free, T_footA_hip
 from shared.robot.urdf import parse_urdf, read_urdf
 from shared.runtime.config import CONFIGS_DIR
+from shared.trajectory_files import read_tum, write_tum
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +62,7 @@ def main() -> None:
     parser.add_argument("directory", type=Path)
     directory = parser.parse_args().directory
     postures = read_postures(directory / "joints.csv")
-    truth = (directory / "truth.tum").read_text(encoding="ascii").splitlines()
-    stamps_ns = {_stamp_ns(line.split()[0]) for line in truth}
+    stamps_ns = {stamp_ns for stamp_ns, _ in read_tum(directory / "truth.tum")}
     poses = zip(postures, leg_odometry(postures, lidar_on_hip()), strict=True)
     write_tum(directory / "prior.tum", [(p.stamp_ns, T) for p, T in poses if p.stamp_ns in stamps_ns])
 

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from services.evaluator.map_accuracy import distances_to_shapes
 from services.sensors.loading import load_lidar
-from shared.files import write_scan, write_tum
+from shared.cloud_files import write_scan
 from shared.geometry import SE3
 from shared.messaging.messages import RobotDescription, StructureDescription, Transforms
 from shared.robot.urdf import parse_urdf
 from shared.runtime.sensor_config import LidarConfig
+from shared.trajectory_files import write_tum
 from shared.world.files import load_structure, save_structure
 from shared.world.generator import Lattice, crossed_truss, orthogonal_truss, tower
 from shared.world.structure import Member, Structure
@@ -61,7 +62,7 @@ class Path6:
 
 def random_path(middle: Float, reach: Float, travel: Float, rng: np.random.Generator) -> Path6:
     """Phases at random; the first sine has the whole reach (6,), the second a third of it."""
-    amplitudes = np.vstack([reach, reach / 3])
+    amplitudes: Float = np.array([reach, reach / 3])
     return Path6(middle, amplitudes, rng.uniform(-np.pi, np.pi, amplitudes.shape), travel)
 
 

@@ -12,6 +12,7 @@ import resource
 import sys
 import time
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,7 @@ def read_job(arguments: list[str]) -> Job:
     """From the command line."""
     archive = np.load(Path(arguments[0]))
     starts, points_m = archive["starts"], archive["points"]
-    scans_m = [points_m[a:b] for a, b in zip(starts, starts[1:], strict=False)]
+    scans_m = [points_m[a:b] for a, b in pairwise(starts)]
     method, scan_to, *refine = arguments[1].split(":")
     guesses = None
     if len(arguments) > 3:

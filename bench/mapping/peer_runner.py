@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import version
 from typing import Any, Protocol
@@ -56,7 +57,8 @@ class Open3DScanToScan:
         self._o3d: Any = import_module("open3d")
         self._registration = self._o3d.pipelines.registration
         self._method, self._voxel_m = method, voxel_m
-        self._trend, self._target = Trend(), None
+        self._trend = Trend()
+        self._target: Any = None
 
     def step(self, points_m: Array, T_previous_scan: Array | None) -> Array:
         """See `Odometry`."""
@@ -88,7 +90,8 @@ class SmallGicpScanToScan:
     def __init__(self, method: str, voxel_m: float) -> None:
         self._small: Any = import_module("small_gicp")
         self._method, self._voxel_m = method, voxel_m
-        self._trend, self._target = Trend(), None
+        self._trend = Trend()
+        self._target: Any = None
 
     def step(self, points_m: Array, T_previous_scan: Array | None) -> Array:
         """See `Odometry`."""
@@ -125,7 +128,8 @@ class SmallGicpScanToMap:
     def __init__(self, method: str, voxel_m: float) -> None:
         self._small: Any = import_module("small_gicp")
         self._method, self._voxel_m = method, voxel_m
-        self._trend, self._target, self._map_m = Trend(), None, np.empty((0, 4))
+        self._trend, self._map_m = Trend(), np.empty((0, 4))
+        self._target: Any = None
         self._voxels = self._small.GaussianVoxelMap(2 * voxel_m)
 
     def step(self, points_m: Array, T_previous_scan: Array | None) -> Array:
@@ -185,7 +189,7 @@ class GenzIcp:
         return np.array(native._last_pose())
 
 
-PEERS = {
+PEERS: dict[str, tuple[str, Callable[[float], Odometry]]] = {
     "open3d_point_to_point": ("open3d", lambda voxel_m: Open3DScanToScan("point_to_point", voxel_m)),
     "open3d_point_to_plane": ("open3d", lambda voxel_m: Open3DScanToScan("point_to_plane", voxel_m)),
     "open3d_gicp": ("open3d", lambda voxel_m: Open3DScanToScan("gicp", voxel_m)),

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.cloud_files import read_cloud
 from shared.errors import InputFileError
 from shared.geometry import SE3
+from shared.trajectory_files import read_tum
 
 MIN_RANGE_M, MAX_RANGE_M = 0.5, 10.0
 """What everybody gets: beyond the robot's own reach, up to the original's range."""
@@ -36,7 +39,7 @@ class ScanSet:
         """T_previous_scan (K, 16), row-major, by the prior; the first is identity."""
         if self.prior is None:
             return None
-        steps = [a.inv() @ b for a, b in zip(self.prior, self.prior[1:], strict=False)]
+        steps = [a.inv() @ b for a, b in pairwise(self.prior)]
         return np.array([T.matrix.ravel() for T in (SE3.identity(), *steps)])
 
 
@@ -46,38 +49,27 @@ def read_scan_set(directory: Path) -> ScanSet:
     Raises:
         InputFileError: there are no scans, or not as many poses.
     """
-    from pypcd4 import PointCloud
-
     scans: list[NDArray[np.float32]] = []
     while (path := directory / f"data{len(scans)}.pcd").is_file():
-        points_m = PointCloud.from_path(path).numpy(("x", "y", "z")).astype(np.float32)
-        scans.append(gated(points_m))
-    truth, prior = read_poses(directory / "truth.tum"), directory / "prior.tum"
+        scans.append(gated(read_cloud(path).points_m.astype(np.float32)))
+    truth, prior = _read_poses(directory / "truth.tum"), directory / "prior.tum"
     if not scans or len(scans) != len(truth):
         raise InputFileError(f"{directory}: {len(scans)} scans, but {len(truth)} poses in truth.tum")
-    return ScanSet(directory, tuple(scans), truth, read_poses(prior) if prior.is_file() else None)
+    return ScanSet(directory, tuple(scans), truth, _read_poses(prior) if prior.is_file() else None)
 
 
 def gated(points_m: NDArray[np.float32]) -> NDArray[np.float32]:
     """The points (N, 3) within the ranges that all get."""
     range_m = np.linalg.norm(points_m, axis=1)
-    return points_m[(range_m >= MIN_RANGE_M) & (range_m <= MAX_RANGE_M)]
-
-
-def read_poses(path: Path) -> tuple[SE3, ...]:
-    """Poses of a TUM file; stamps are not looked at.
-
-    Raises:
-        InputFileError: it cannot be read.
-    """
-    try:
-        values = np.loadtxt(path, ndmin=2)
-    except (OSError, ValueError) as error:
-        raise InputFileError(f"{path}: {error}") from error
-    return tuple(SE3.from_xyz_quat_xyzw(row[1:]) for row in values)
+    near: NDArray[np.float32] = points_m[(range_m >= MIN_RANGE_M) & (range_m <= MAX_RANGE_M)]
+    return near
 
 
 def write_npz(scan_set: ScanSet, path: Path) -> None:
     """The gated scans in one file, as the peers' runner reads them."""
     starts = np.cumsum([0, *(len(scan_m) for scan_m in scan_set.scans_m)])
     np.savez(path, points=np.concatenate(scan_set.scans_m), starts=starts)
+
+
+def _read_poses(path: Path) -> tuple[SE3, ...]:
+    return tuple(pose for _, pose in read_tum(path))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -81,4 +82,4 @@ def thinned_map(poses: Sequence[SE3], scan_set: ScanSet) -> NDArray[np.float64]:
 
 
 def _steps(poses: Sequence[SE3]) -> list[SE3]:
-    return [a.inv() @ b for a, b in zip(poses, poses[1:], strict=False)]
+    return [a.inv() @ b for a, b in pairwise(poses)]
