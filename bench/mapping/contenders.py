@@ -8,11 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.mapping import our_runner, peer_runner
+from bench.mapping import peer_runner
 from bench.mapping.scans import MAX_RANGE_M, MIN_RANGE_M
 
 PCL_PROGRAM = Path("out") / "bench" / "pcl" / "scan_to_scan"
 """As `make -C bench/pcl` makes it."""
+_OUR_RUNNER = "bench.mapping.our_runner"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +95,7 @@ class Launcher:
             gate = [str(MIN_RANGE_M), str(MAX_RANGE_M)]
             return [str(PCL_PROGRAM), str(scans), contender.key, voxel, *gate, *last]
         if contender.is_ours:
-            return [sys.executable, "-m", our_runner.__name__, str(npz), contender.key, voxel, *last]
+            return [sys.executable, "-m", _OUR_RUNNER, str(npz), contender.key, voxel, *last]
         python = self._python_with(contender.key)
         return [python or sys.executable, str(Path(peer_runner.__file__)), str(npz), contender.key, voxel, *last]
 

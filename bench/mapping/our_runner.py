@@ -25,7 +25,6 @@ from shared.geometry import SE3
 from shared.messaging.messages import LidarScan, MapStatus, Odometry
 from shared.runtime.config import MapperConfig
 
-_PERIOD_NS = 100_000_000
 _NUM_WARM_UP = 3
 
 
@@ -33,7 +32,7 @@ _NUM_WARM_UP = 3
 class Job:
     """What is to be run. guesses: T_previous_scan a scan, None without a prior."""
 
-    scans_m: list[NDArray[np.float32]]
+    scans: list[LidarScan]
     config: MapperConfig
     guesses: list[SE3] | None
     is_refined: bool
@@ -42,8 +41,9 @@ class Job:
 def read_job(arguments: list[str]) -> Job:
     """From the command line."""
     archive = np.load(Path(arguments[0]))
-    starts, points_m = archive["starts"], archive["points"]
-    scans_m = [points_m[a:b] for a, b in pairwise(starts)]
+    points_m, t_ns, rows = archive["points"], archive["t_ns"], pairwise(archive["starts"])
+    stamps_ns = archive["stamps_ns"].tolist()
+    scans = [_scan(points_m[a:b], t_ns[a:b], stamps_ns[k], k) for k, (a, b) in enumerate(rows)]
     method, scan_to, *refine = arguments[1].split(":")
     guesses = None
     if len(arguments) > 3:
@@ -57,14 +57,13 @@ def read_job(arguments: list[str]) -> Job:
             "map_rate_hz": 1e-6,
         }
     )
-    return Job(scans_m, config, guesses, bool(refine))
+    return Job(scans, config, guesses, bool(refine))
 
 
 def run(job: Job, num_scans: int | None = None) -> Mapper:
     """Maps all scans, or the first few without a word."""
-    mapper = Mapper(job.config, time.perf_counter_ns, prior=_prior(job.guesses))
-    for k, scan_m in enumerate(job.scans_m[:num_scans]):
-        scan = message(scan_m, k)
+    mapper = Mapper(job.config, time.perf_counter_ns, prior=_prior(job))
+    for scan in job.scans[:num_scans]:
         started, cpu_started = time.perf_counter(), time.process_time()
         said = mapper.add_scan(scan, 0)
         ms, cpu_ms = 1e3 * (time.perf_counter() - started), 1e3 * (time.process_time() - cpu_started)
@@ -77,27 +76,26 @@ def run(job: Job, num_scans: int | None = None) -> Mapper:
     return mapper
 
 
-def message(points_m: NDArray[np.float32], k: int) -> LidarScan:
-    """Scan k, all of it measured at once."""
+def _scan(points_m: NDArray[np.float32], t_ns: NDArray[np.uint32], stamp_ns: int, k: int) -> LidarScan:
     num_points = len(points_m)
     return LidarScan(
-        stamp_ns=k * _PERIOD_NS,
+        stamp_ns=stamp_ns,
         seq=k,
         frame="lidar",
         points_m=points_m,
         intensity=np.zeros(num_points, dtype=np.float32),
-        t_ns=np.zeros(num_points, dtype=np.uint32),
+        t_ns=t_ns,
         ring=np.zeros(num_points, dtype=np.uint16),
     )
 
 
-def _prior(guesses: list[SE3] | None) -> Prior | None:
-    if guesses is None:
+def _prior(job: Job) -> Prior | None:
+    if job.guesses is None:
         return None
     poses = [SE3.identity()]
-    for step in guesses[1:]:
+    for step in job.guesses[1:]:
         poses.append(SE3.projected((poses[-1] @ step).matrix))
-    return KnownTrajectory([(k * _PERIOD_NS, pose) for k, pose in enumerate(poses)])
+    return KnownTrajectory([(scan.stamp_ns, pose) for scan, pose in zip(job.scans, poses, strict=True)])
 
 
 def main() -> None:

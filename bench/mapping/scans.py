@@ -20,13 +20,16 @@ MIN_RANGE_M, MAX_RANGE_M = 0.5, 10.0
 
 @dataclass(frozen=True, slots=True)
 class ScanSet:
-    """Gated points (N_k, 3) float32 of each scan in the lidar frame, and poses a scan.
+    """Gated points (N_k, 3) float32 of each scan in the lidar frame, and stamps and true poses of the scans.
 
-    prior: T_start_lidar by other means, used as increments; None where there is none.
+    t_ns: of each point (N_k,) after its scan's stamp. prior: T_start_lidar by other means, used as increments; None
+    where there is none.
     """
 
     directory: Path
     scans_m: tuple[NDArray[np.float32], ...]
+    t_ns: tuple[NDArray[np.uint32], ...]
+    stamps_ns: tuple[int, ...]
     truth: tuple[SE3, ...]
     prior: tuple[SE3, ...] | None
 
@@ -43,33 +46,50 @@ class ScanSet:
         return np.array([T.matrix.ravel() for T in (SE3.identity(), *steps)])
 
 
-def read_scan_set(directory: Path) -> ScanSet:
-    """All scans from data0.pcd on.
+def read_scan_set(directory: Path, range_bias_m: float = 0.0) -> ScanSet:
+    """All scans from data0.pcd on; so much is added to every range.
 
     Raises:
         InputFileError: there are no scans, or not as many poses.
     """
     scans: list[NDArray[np.float32]] = []
+    times: list[NDArray[np.uint32]] = []
     while (path := directory / f"data{len(scans)}.pcd").is_file():
-        scans.append(gated(read_cloud(path).points_m.astype(np.float32)))
-    truth, prior = _read_poses(directory / "truth.tum"), directory / "prior.tum"
+        cloud = read_cloud(path)
+        points_m = cloud.points_m.astype(np.float32)
+        is_near = in_gate(points_m)
+        scans.append(shifted(points_m[is_near], range_bias_m))
+        times.append(np.zeros(is_near.sum(), np.uint32) if cloud.t_ns is None else cloud.t_ns[is_near].astype(np.uint32))
+    truth, prior = read_tum(directory / "truth.tum"), directory / "prior.tum"
     if not scans or len(scans) != len(truth):
         raise InputFileError(f"{directory}: {len(scans)} scans, but {len(truth)} poses in truth.tum")
-    return ScanSet(directory, tuple(scans), truth, _read_poses(prior) if prior.is_file() else None)
+    return ScanSet(
+        directory=directory,
+        scans_m=tuple(scans),
+        t_ns=tuple(times),
+        stamps_ns=tuple(stamp_ns for stamp_ns, _ in truth),
+        truth=tuple(pose for _, pose in truth),
+        prior=tuple(pose for _, pose in read_tum(prior)) if prior.is_file() else None,
+    )
 
 
-def gated(points_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The points (N, 3) within the ranges that all get."""
+def in_gate(points_m: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Which of the points (N, 3) are within the ranges that all get (N,)."""
     range_m = np.linalg.norm(points_m, axis=1)
-    near: NDArray[np.float32] = points_m[(range_m >= MIN_RANGE_M) & (range_m <= MAX_RANGE_M)]
-    return near
+    is_near: NDArray[np.bool_] = (range_m >= MIN_RANGE_M) & (range_m <= MAX_RANGE_M)
+    return is_near
+
+
+def shifted(points_m: NDArray[np.float32], bias_m: float) -> NDArray[np.float32]:
+    """Points (N, 3), none of them at the origin, moved away from it by so much."""
+    if bias_m == 0:
+        return points_m
+    range_m = np.linalg.norm(points_m, axis=1, keepdims=True)
+    return (points_m * (1 + bias_m / range_m)).astype(np.float32)
 
 
 def write_npz(scan_set: ScanSet, path: Path) -> None:
     """The gated scans in one file, as the peers' runner reads them."""
     starts = np.cumsum([0, *(len(scan_m) for scan_m in scan_set.scans_m)])
-    np.savez(path, points=np.concatenate(scan_set.scans_m), starts=starts)
-
-
-def _read_poses(path: Path) -> tuple[SE3, ...]:
-    return tuple(pose for _, pose in read_tum(path))
+    points_m, t_ns = np.concatenate(scan_set.scans_m), np.concatenate(scan_set.t_ns)
+    np.savez(path, points=points_m, starts=starts, t_ns=t_ns, stamps_ns=np.array(scan_set.stamps_ns, dtype=np.int64))
