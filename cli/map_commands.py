@@ -12,8 +12,9 @@ import typer
 from cli.options import DEFAULT_CONFIG, ConfigOption, JsonOption, SetOption, resolved
 
 if TYPE_CHECKING:
-    from cli.mapping import MapRun
+    from services.mapper.mapper import Mapper
     from services.mapper.priors.interface import Prior
+    from shared.messaging.messages import Message
 
 
 def register(app: typer.Typer) -> None:
@@ -29,10 +30,16 @@ def map_(
     voxel: Annotated[float | None, typer.Option(help="Edge of the voxels in metres.")] = None,
     range_: Annotated[float | None, typer.Option("--range", help="Farthest points taken, in metres.")] = None,
     crop: Annotated[str | None, typer.Option(metavar="X0,X1,Y0,Y1,Z0,Z1", help="A box in the sensor's frame.")] = None,
-    prior: Annotated[Path | None, typer.Option(metavar="P.tum", help="T_map_lidar of each scan, for its steps.")] = None,
-    period: Annotated[float | None, typer.Option(min=1e-3, help="Seconds between scans of DIR, to deskew them.")] = None,
+    prior: Annotated[
+        Path | None, typer.Option(metavar="P.tum", help="T_map_lidar a scan, for its steps.")
+    ] = None,
+    period: Annotated[
+        float | None, typer.Option(min=1e-3, help="Seconds between scans of DIR, to deskew.")
+    ] = None,
     refine: Annotated[bool, typer.Option(help="Afterwards estimates all poses and planes together.")] = False,
-    map_: Annotated[Path | None, typer.Option("--map", metavar="OUT.pcd", help="Writes the map: pcd, ply, las.")] = None,
+    map_: Annotated[
+        Path | None, typer.Option("--map", metavar="OUT.pcd", help="Writes it: pcd, ply, las.")
+    ] = None,
     trajectory: Annotated[Path | None, typer.Option(metavar="OUT.tum", help="Writes T_map_lidar of each scan.")] = None,
     view: Annotated[bool, typer.Option(help="Shows the map in the Rerun viewer while it grows.")] = False,
     rrd: Annotated[Path | None, typer.Option(metavar="OUT.rrd", help="Writes what --view shows to a file.")] = None,
@@ -67,6 +74,10 @@ def map_(
             problems.append(problem)
             print(f"hyrecro: {problem}", file=sys.stderr)
 
+    def note(mapper: Mapper, said: list[Message]) -> None:
+        progress.advance(task)
+        show(mapper, said)
+
     given = None if prior is None else _given_prior(prior, scans.num_scans, period)
     with progress_bar() as progress, viewed(view, rrd) as show:
         task = progress.add_task("map", total=scans.num_scans)
@@ -76,7 +87,7 @@ def map_(
             prior=given,
             is_refining=refine,
             warn=warn,
-            on_scan=lambda mapper, said: (progress.advance(task), show(mapper, said)),
+            on_scan=note,
         )
     if not any(run.is_tracked):
         raise HyrecroError(f"{source}: none of {scans.num_scans} scans could be mapped")

@@ -35,7 +35,8 @@ def print_summary(run: MapRun, figures: dict[str, Any]) -> None:
 
 
 def _rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
-    refined = f", and {figures['refine_ms'] / max(figures['scans'], 1):.1f} ms to refine" if figures["refine_ms"] else ""
+    refine_ms = figures["refine_ms"] / max(figures["scans"], 1)
+    refined = f", and {refine_ms:.1f} ms to refine" if refine_ms else ""
     numbers = figures["lost_scan_numbers"]
     named = f" ({', '.join(map(str, numbers[:10]))}{', ...' if len(numbers) > 10 else ''})" if numbers else ""
     return [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import resource
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,7 +16,6 @@ from services.evaluator.map_accuracy import num_points_off_planes
 from services.mapper.mapper import Mapper
 from services.mapper.node import load_mapper
 from services.mapper.priors.interface import Prior
-from services.mapper.refinement import Refinement
 from shared.geometry import SE3
 from shared.messaging.messages import (
     CameraInfo,
@@ -74,20 +73,13 @@ def map_scans(
     """
     mapper = load_mapper(config.mapper, time.perf_counter_ns, prior=prior)
     run = MapRun()
-    refinement = Refinement(config.mapper) if is_refining else None
     for message in source.messages(warn):
         said = _fed(mapper, message)
         for answer in said:
             _note(run, answer, source)
         if isinstance(message, LidarScan | DepthImage) and said:
-            if refinement is not None:
-                started_ns = time.perf_counter_ns()
-                refinement.add(mapper.last_points_m, run.poses[-1], run.is_tracked[-1])
-                run.refine_ms += (time.perf_counter_ns() - started_ns) / 1e6
             on_scan(mapper, said)
     run.map_points_m, run.planes = mapper.target.points_m, mapper.map_planes()
-    if refinement is not None and run.poses:
-        _refine(run, config, refinement, mapper)
     return run
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from services.recorder.recording import Recording
 from shared.cloud_files import read_cloud, scan_files, unit_warning
@@ -94,7 +95,7 @@ class FolderScans:
         except (CloudFileError, InputFileError) as error:
             warn(f"{error}; left out")
             return None
-        is_point = np.isfinite(cloud.points_m).all(axis=1)
+        is_point: NDArray[np.bool_] = np.all(np.isfinite(cloud.points_m), axis=1)
         points_m = cloud.points_m[is_point]
         num = len(points_m)
         problem = unit_warning(points_m)
@@ -102,15 +103,17 @@ class FolderScans:
             problem = f"has {num} points, and {len(is_point) - num} that are not numbers"
         if problem is not None:
             warn(f"{path}: {problem}")
-        has_times = self._period_ns is not None and cloud.t_ns is not None
+        t_ns = np.zeros(num, dtype=np.uint32)
+        if self._period_ns is not None and cloud.t_ns is not None:
+            t_ns = cloud.t_ns[is_point].astype(np.uint32)
         return LidarScan(
             stamp_ns=number * (self._period_ns or 10**9),
             seq=number,
             frame=_FRAME,
             points_m=points_m.astype(np.float32),
-            intensity=np.zeros(num),
-            t_ns=cloud.t_ns[is_point] if has_times and cloud.t_ns is not None else np.zeros(num),
-            ring=np.zeros(num),
+            intensity=np.zeros(num, dtype=np.float32),
+            t_ns=t_ns,
+            ring=np.zeros(num, dtype=np.uint16),
         )
 
 

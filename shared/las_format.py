@@ -62,7 +62,7 @@ def parse_las(content: bytes) -> Columns:
     if record_bytes < _MIN_RECORD_BYTES:
         raise ValueError(f"a point is said to have {record_bytes} bytes, at least {_MIN_RECORD_BYTES} are needed")
     scale, offset = header["scale"], header["offset"]
-    if not ((0 < np.abs(scale)) & (np.abs(scale) < _MAX_SCALE) & (np.abs(offset) < _MAX_OFFSET_M)).all():
+    if not ((np.abs(scale) > 0) & (np.abs(scale) < _MAX_SCALE) & (np.abs(offset) < _MAX_OFFSET_M)).all():
         raise ValueError(f"scale {scale.tolist()} or offset {offset.tolist()} cannot be one of metres")
     num_present = max(len(content) - int(header["points_at"]), 0) // record_bytes
     if num_present < num_points:

@@ -33,7 +33,7 @@ def covariance(result: RegistrationResult) -> NDArray[np.float64] | None:
 def degenerate_axes(hessian: NDArray[np.float64]) -> tuple[str, ...]:
     """Names of the map's axes, out of `AXES`, along or about which the scan can move almost freely."""
     directions, _ = _open_directions(hessian)
-    is_open = (np.abs(directions) >= _MIN_COMPONENT).any(axis=1)
+    is_open: NDArray[np.bool_] = np.any(np.abs(directions) >= _MIN_COMPONENT, axis=1)
     return tuple(name for name, is_named in zip(AXES, is_open, strict=True) if is_named)
 
 

@@ -15,9 +15,8 @@ from services.mapper.priors.interface import Prior
 from services.mapper.reports import Reports
 from services.mapper.target import Target
 from services.mapper.tracking import Track
-from shared.deskew import deskewed
 from shared.depth_points import points_of
-from shared.geometry import SE3
+from shared.deskew import deskewed
 from shared.messaging.messages import (
     CameraInfo,
     DepthImage,
@@ -152,9 +151,7 @@ class Mapper:
         motion = self._motion.during(scan.stamp_ns, scan.stamp_ns + int(scan.t_ns.max()))
         return scan.points_m if motion is None else deskewed(scan, motion)
 
-    def _add(
-        self, points_m: Points, seq: int, frame: str, started_ns: int, received_ns: int
-    ) -> list[Message]:
+    def _add(self, points_m: Points, seq: int, frame: str, started_ns: int, received_ns: int) -> list[Message]:
         self._scans.add(seq)
         filtered = self._filter.filtered(points_m, self._motion.body_mask(points_m, self._stamp_ns))
         self.last_points_m = filtered.points_m

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.mapper.body import BodyFilter
-from services.mapper.postures import Postures, sensor_mount
+from services.mapper.postures import Mount, Postures, mount_of
 from services.mapper.priors.constant_velocity import ConstantVelocity
 from services.mapper.priors.inertial import Inertial
 from services.mapper.priors.interface import Prior, increment
@@ -49,6 +49,7 @@ class MotionModel:
         self._slip = SlipWatch(config.max_leg_error_m, float(np.deg2rad(config.max_leg_error_deg)))
         self._robot: UrdfModel | None = None
         self._body: BodyFilter | None = None
+        self._body_mounts: list[Mount] = []
         self._frame = ""
         self._last_ns: int | None = None
 
@@ -119,16 +120,18 @@ class MotionModel:
         if self._body is None or not self._config.body or not self._postures.knows(stamp_ns, stamp_ns):
             return None
         links = self._postures.links([stamp_ns])
-        T_sensor_link = np.linalg.inv(self._postures.sensor(links)[0]) @ links[0]
-        return self._body.mask(points_m, T_sensor_link)
+        T_sensor_footA = np.linalg.inv(self._postures.sensor(links)[0])
+        T_footA_link = np.array([links[0, mount.link] @ mount.T_link_frame.matrix for mount in self._body_mounts])
+        return self._body.on_body(points_m, T_sensor_footA @ T_footA_link)
 
     def _mount(self, stamp_ns: int) -> list[Message]:
         if self._robot is None or not self._frame:
             return []
         try:
-            self._postures.mount = sensor_mount(self._robot, self._frame)
+            self._postures.mount = mount_of(self._robot, self._frame)
+            self._body = BodyFilter(self._robot.shapes)
+            self._body_mounts = [mount_of(self._robot, link) for link in self._body.links]
         except InputFileError as error:
             text = f"maps without legs: {error}"
             return [Event(stamp_ns=stamp_ns, seq=0, frame="", source="mapper", severity=Severity.WARNING, text=text)]
-        self._body = BodyFilter(self._robot)
         return []

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from services.mapper.mapper import Mapper
+from services.mapper.priors.interface import Prior
 from shared.cloud_files import read_cloud
 from shared.messaging.channels import (
     DEPTH_CAMERA_INFO,
@@ -59,11 +60,11 @@ def build_node(config: Config, context: Context) -> Node:
     )
 
 
-def load_mapper(config: MapperConfig, clock_ns: Callable[[], int]) -> Mapper:
-    """The mapper, with its kernels compiled and the map it begins with.
+def load_mapper(config: MapperConfig, clock_ns: Callable[[], int], prior: Prior | None = None) -> Mapper:
+    """The mapper, with its kernels compiled and the map it begins with. prior: instead of the configured one.
 
     Raises:
         InputFileError: the map to begin with is not usable.
     """
     loaded_map_m = None if config.map_file is None else read_cloud(config.map_file).points_m
-    return Mapper(config, clock_ns, loaded_map_m=loaded_map_m)
+    return Mapper(config, clock_ns, prior=prior, loaded_map_m=loaded_map_m)

@@ -7,7 +7,6 @@ import colorsys
 import numpy as np
 from numpy.typing import NDArray
 
-from services.mapper.planes.matcher import PlaneMatcher
 from services.mapper.registration import ScanMatcher
 from shared.messaging.messages import Plane, PlaneMap
 
@@ -16,7 +15,6 @@ _GOLDEN_RATIO = 0.618033988749895
 
 def plane_map(matcher: ScanMatcher, stamp_ns: int, seq: int, frame: str) -> PlaneMap:
     """All surfaces that the matcher knows; none where it knows no planes."""
-    surfaces = matcher.surfaces() if isinstance(matcher, PlaneMatcher) else []
     planes = tuple(
         Plane(
             id=surface.id,
@@ -25,7 +23,7 @@ def plane_map(matcher: ScanMatcher, stamp_ns: int, seq: int, frame: str) -> Plan
             outline_m=surface.outline_m.astype(np.float32),
             colour=colour_of(surface.id),
         )
-        for surface in surfaces
+        for surface in matcher.surfaces()
     )
     return PlaneMap(stamp_ns=stamp_ns, seq=seq, frame=frame, planes=planes)
 

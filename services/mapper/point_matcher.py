@@ -15,6 +15,7 @@ from services.mapper.registration import (
     Registration,
     RegistrationError,
     RegistrationResult,
+    Surface,
     nothing_found,
 )
 from services.mapper.voxel_map import voxel_centroids
@@ -76,6 +77,10 @@ class PointMatcher:
         target = self._started()
         if len(self._thinned_m) >= MIN_POINTS:
             target.add(self._thinned_m, T_map_lidar)
+
+    def surfaces(self) -> list[Surface]:
+        """None: points are no planes."""
+        return []
 
     def _attempts(
         self, registration: Registration, guesses: Sequence[SE3], widening: float

@@ -19,11 +19,11 @@ _MAX_GAP_NS = 50_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class SensorMount:
-    """The moving link that carries the sensor, by its number in LINKS, and where on it."""
+class Mount:
+    """The moving link that carries a frame, by its number in LINKS, and where on it."""
 
     link: int
-    T_link_sensor: SE3
+    T_link_frame: SE3
 
 
 class Postures:
@@ -33,7 +33,7 @@ class Postures:
     """
 
     def __init__(self) -> None:
-        self.mount: SensorMount | None = None
+        self.mount: Mount | None = None
         self._stamps_ns: list[int] = []
         self._q: list[Float] = []
 
@@ -78,12 +78,12 @@ class Postures:
     def sensor(self, links: Float) -> Float:
         """T_footA_sensor (K, 4, 4) for links (K, 9, 4, 4)."""
         assert self.mount is not None
-        poses: Float = links[:, self.mount.link] @ self.mount.T_link_sensor.matrix
+        poses: Float = links[:, self.mount.link] @ self.mount.T_link_frame.matrix
         return poses
 
 
-def sensor_mount(model: UrdfModel, frame: str) -> SensorMount:
-    """Where a robot carries the sensor whose frame this is.
+def mount_of(model: UrdfModel, frame: str) -> Mount:
+    """Where a robot carries a frame, such as a sensor's.
 
     Raises:
         InputFileError: the frame is not fixed to any of the moving links.
@@ -95,4 +95,4 @@ def sensor_mount(model: UrdfModel, frame: str) -> SensorMount:
         if joint is None:
             raise InputFileError(f"robot: the frame '{frame}' is not fixed to any of {', '.join(LINKS)}")
         T_link_frame, link = joint.T_parent_child() @ T_link_frame, joint.parent
-    return SensorMount(LINKS.index(link), T_link_frame)
+    return Mount(LINKS.index(link), T_link_frame)

@@ -80,6 +80,19 @@ class Registration(Protocol):
         """Distance (N,) in metres from each point (N, 3) in the map frame to the nearest of the target."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """A plane of the target, in the map frame. plane (4,): unit normal towards the side it was seen from, then offset.
+
+    id: stays the same while the surface is refined. outline_m (K, 3): corners of the part that was seen.
+    """
+
+    id: int
+    plane: NDArray[np.float64]
+    num_points: int
+    outline_m: NDArray[np.float64]
+
+
 class ScanMatcher(Protocol):
     """Finds scans in a target of its own, which it grows from the scans that were believed.
 
@@ -104,3 +117,6 @@ class ScanMatcher(Protocol):
 
     def localise(self, points_lidar_m: Points) -> RegistrationResult | None:
         """The best place of a scan anywhere in the target, from no guess; None where nothing fits."""
+
+    def surfaces(self) -> list[Surface]:
+        """The planes of the target; none where the method knows none."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.mapper.methods.registry import make_matcher
+from services.mapper.matching import make_matcher
 from services.mapper.registration import Points, RegistrationError, ScanMatcher
 from services.mapper.tracking import Track, Tracker
 from services.mapper.voxel_map import VoxelMap
@@ -55,7 +55,7 @@ class Target:
             self._is_restarted = True
 
     def add(self, points_m: Points, step: SE3) -> Track:
-        """Finds a filtered scan (N, 3), in the sensor's frame, in the map, and takes it in. step: T_last_now, predicted."""
+        """Finds a filtered scan (N, 3), in the sensor's frame, and takes it in. step: T_last_now as predicted."""
         track = self._followed(points_m, step)
         if track.is_tracking:
             self._voxels.insert(track.T_map_sensor.apply(points_m))
