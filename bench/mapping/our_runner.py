@@ -44,20 +44,11 @@ def read_job(arguments: list[str]) -> Job:
     points_m, t_ns, rows = archive["points"], archive["t_ns"], pairwise(archive["starts"])
     stamps_ns = archive["stamps_ns"].tolist()
     scans = [_scan(points_m[a:b], t_ns[a:b], stamps_ns[k], k) for k, (a, b) in enumerate(rows)]
-    method, scan_to, *refine = arguments[1].split(":")
+    method, scan_to, *options = arguments[1].split(":")
     guesses = None
     if len(arguments) > 3:
         guesses = [SE3.projected(row.reshape(4, 4)) for row in np.loadtxt(arguments[3], ndmin=2)]
-    config = MapperConfig.model_validate(
-        {
-            "method": method,
-            "scan_to": scan_to,
-            "voxel_size_m": float(arguments[2]),
-            "prior": "constant_velocity",
-            "map_rate_hz": 1e-6,
-        }
-    )
-    return Job(scans, config, guesses, bool(refine))
+    return Job(scans, _config(method, scan_to, float(arguments[2])), guesses, "refine" in options)
 
 
 def run(job: Job, num_scans: int | None = None) -> Mapper:
@@ -74,6 +65,14 @@ def run(job: Job, num_scans: int | None = None) -> Mapper:
             line = {"ms": ms, "cpu_ms": cpu_ms, "pose": pose.matrix.ravel().tolist()}
             print(json.dumps({**line, "is_lost": not status.is_tracking}))
     return mapper
+
+
+def _config(method: str, scan_to: str, voxel_m: float) -> MapperConfig:
+    """Without publishing the map. Scan to scan everything is believed, as the peers do."""
+    settings: dict[str, object] = {"method": method, "scan_to": scan_to, "voxel_size_m": voxel_m}
+    if scan_to == "scan":
+        settings |= {"min_score": 1e-6, "max_jump_m": 100.0, "max_jump_deg": 180.0}
+    return MapperConfig.model_validate({**settings, "prior": "constant_velocity", "map_rate_hz": 1e-6})
 
 
 def _scan(points_m: NDArray[np.float32], t_ns: NDArray[np.uint32], stamp_ns: int, k: int) -> LidarScan:

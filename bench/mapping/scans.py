@@ -59,7 +59,9 @@ def read_scan_set(directory: Path, range_bias_m: float = 0.0) -> ScanSet:
         points_m = cloud.points_m.astype(np.float32)
         is_near = in_gate(points_m)
         scans.append(shifted(points_m[is_near], range_bias_m))
-        times.append(np.zeros(is_near.sum(), np.uint32) if cloud.t_ns is None else cloud.t_ns[is_near].astype(np.uint32))
+        times.append(
+            np.zeros(is_near.sum(), np.uint32) if cloud.t_ns is None else cloud.t_ns[is_near].astype(np.uint32)
+        )
     truth, prior = read_tum(directory / "truth.tum"), directory / "prior.tum"
     if not scans or len(scans) != len(truth):
         raise InputFileError(f"{directory}: {len(scans)} scans, but {len(truth)} poses in truth.tum")
@@ -85,7 +87,8 @@ def shifted(points_m: NDArray[np.float32], bias_m: float) -> NDArray[np.float32]
     if bias_m == 0:
         return points_m
     range_m = np.linalg.norm(points_m, axis=1, keepdims=True)
-    return (points_m * (1 + bias_m / range_m)).astype(np.float32)
+    moved: NDArray[np.float32] = (points_m * (1 + bias_m / range_m)).astype(np.float32)
+    return moved
 
 
 def write_npz(scan_set: ScanSet, path: Path) -> None:
