@@ -11,6 +11,7 @@ import typer
 from cli import (
     config_commands,
     map_commands,
+    eval_commands,
     pipeline_commands,
     robot_commands,
     sensor_commands,
@@ -29,6 +30,7 @@ app = typer.Typer(
 )
 pipeline_commands.register(app)
 map_commands.register(app)
+eval_commands.register(app)
 app.add_typer(robot_commands.app, name="robot", help="Command the robot and read its state.")
 app.add_typer(sensor_commands.app, name="sensor", help="See what the sensors see.")
 app.add_typer(sim_commands.app, name="sim", help="Pause, step, pace, reset and seed of simulated time.")

@@ -30,7 +30,10 @@ class BodyFilter:
         self._link_of_box = np.array([self.links.index(shape.link) for shape in shapes], dtype=np.int64)
         boxes = [_box_of(shape.solid) for shape in shapes]
         self._T_link_box = np.array(
-            [(shape.T_link_shape @ SE3(np.eye(3), centre_m)).matrix for shape, (centre_m, _) in zip(shapes, boxes)]
+            [
+                (shape.T_link_shape @ SE3(np.eye(3), centre_m)).matrix
+                for shape, (centre_m, _) in zip(shapes, boxes, strict=True)
+            ]
         ).reshape(-1, 4, 4)
         self._half_m = np.array([half_m for _, half_m in boxes]).reshape(-1, 3) + margin_m
 

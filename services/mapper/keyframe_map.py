@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.mapper.methods.registry import RegistrationClass
-from services.mapper.registration import Points, Registration
+from services.mapper.registration import MIN_POINTS, Points, Registration
 from services.mapper.voxel_map import VoxelMap
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
@@ -15,7 +15,8 @@ from shared.runtime.config import MapperConfig
 class KeyframeMap:
     """A voxel map of keyframes: the first scan, and those that show more.
 
-    registration: aligns scans to the map as of the last keyframe, out to twice the sensor's range from there.
+    registration: aligns scans to the map as of the last keyframe, out to twice the sensor's range from there; to all of
+    it where a full map has nothing there.
 
     Raises:
         RegistrationError: the first scan has too few points.
@@ -49,7 +50,8 @@ class KeyframeMap:
         self._novelty = 0.0
         points_m = self._voxels.points_m
         is_near = np.linalg.norm(points_m - T_map_lidar.translation, axis=1) <= 2.0 * self._config.max_range_m
-        self.registration: Registration = self._method(points_m[is_near], self._config)
+        target_m = points_m[is_near] if is_near.sum() >= MIN_POINTS else points_m
+        self.registration: Registration = self._method(target_m, self._config)
 
 
 class LastScan:
@@ -73,5 +75,5 @@ class LastScan:
 
     def add(self, points_lidar_m: Points, T_map_lidar: SE3) -> None:
         """Takes a located scan (N, 3) in place of the one before."""
-        self._points_m: NDArray[np.float64] = T_map_lidar.apply(points_lidar_m.astype(np.float64))
+        self._points_m = np.asarray(T_map_lidar.apply(points_lidar_m), dtype=np.float64)
         self.registration: Registration = self._method(self._points_m, self._config)

@@ -7,6 +7,7 @@ from typing import TypeVar
 
 from services.mapper.mapper import Mapper
 from services.mapper.priors.interface import Prior
+from services.mapper.warming import warm_up
 from shared.cloud_files import read_cloud
 from shared.messaging.channels import (
     DEPTH_CAMERA_INFO,
@@ -66,5 +67,6 @@ def load_mapper(config: MapperConfig, clock_ns: Callable[[], int], prior: Prior 
     Raises:
         InputFileError: the map to begin with is not usable.
     """
+    warm_up(config)
     loaded_map_m = None if config.map_file is None else read_cloud(config.map_file).points_m
     return Mapper(config, clock_ns, prior=prior, loaded_map_m=loaded_map_m)

@@ -22,8 +22,13 @@ from services.mapper.voxel_map import voxel_centroids
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
 
-_CLEAR_SCORE = 0.75
-"""From here on no other pose is tried: on lattices, wrong poses that had converged stayed below."""
+_CLEAR_SCORE = 0.7
+"""From here on no other pose is tried: a scan that is explained wholly and lies 13 mm off, as after a slip of 2 cm."""
+_ALIGNED_VOXELS = 1.5
+"""Scans are aligned in voxels so many times as wide as those of the map, which is half the points.
+
+Source: Vizzo et al., "KISS-ICP", RA-L 2023, which thins twice in this way.
+"""
 _SEARCH_STRIDE = 4
 """The first guess of a wider search takes every fourth point."""
 
@@ -35,7 +40,7 @@ class PointMatcher:
         self._config = config
         self._method = method
         self._target: KeyframeMap | LastScan | None = None
-        self._thinned_m = np.empty((0, 3))
+        self._scan_m: Points = np.empty((0, 3))
 
     @property
     def target_points_m(self) -> NDArray[np.float64]:
@@ -58,11 +63,12 @@ class PointMatcher:
             RegistrationError: there is no target yet.
         """
         registration = self._started().registration
-        self._thinned_m = self._thin(points_lidar_m)
-        if len(self._thinned_m) < MIN_POINTS:
-            return nothing_found(len(self._thinned_m), guesses[0])
+        self._scan_m = points_lidar_m
+        thinned_m = voxel_centroids(points_lidar_m, _ALIGNED_VOXELS * self._config.voxel_size_m)
+        if len(thinned_m) < MIN_POINTS:
+            return nothing_found(len(thinned_m), guesses[0])
         results = []
-        for result in self._attempts(registration, guesses, widening):
+        for result in self._attempts(registration, thinned_m, guesses, widening):
             results.append(result)
             if result.is_converged and result.score >= _CLEAR_SCORE:
                 return result
@@ -75,24 +81,25 @@ class PointMatcher:
             RegistrationError: there is no target yet.
         """
         target = self._started()
-        if len(self._thinned_m) >= MIN_POINTS:
-            target.add(self._thinned_m, T_map_lidar)
+        thinned_m = self._thin(self._scan_m)
+        if len(thinned_m) >= MIN_POINTS:
+            target.add(thinned_m, T_map_lidar)
 
     def surfaces(self) -> list[Surface]:
         """None: points are no planes."""
         return []
 
     def _attempts(
-        self, registration: Registration, guesses: Sequence[SE3], widening: float
+        self, registration: Registration, thinned_m: Points, guesses: Sequence[SE3], widening: float
     ) -> Iterator[RegistrationResult]:
         """From each guess with near pairs only; then from each with far pairs first."""
         gate_m = self._config.max_correspondence_m
         search_gate_m = self._config.search_correspondence_m * widening
         for guess in guesses:
-            yield registration.align(self._thinned_m, guess, gate_m)
+            yield registration.align(thinned_m, guess, gate_m)
         for guess in guesses:
-            coarse = registration.align(self._thinned_m[::_SEARCH_STRIDE], guess, search_gate_m)
-            yield registration.align(self._thinned_m, coarse.T_map_lidar, gate_m)
+            coarse = registration.align(thinned_m[::_SEARCH_STRIDE], guess, search_gate_m)
+            yield registration.align(thinned_m, coarse.T_map_lidar, gate_m)
 
     def _thin(self, points_lidar_m: Points) -> NDArray[np.float64]:
         return voxel_centroids(points_lidar_m, self._config.voxel_size_m)

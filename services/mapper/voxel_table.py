@@ -23,6 +23,7 @@ class VoxelTable:
         self._voxel_size_m = voxel_size_m
         self._max_voxels = max_voxels
         self._num = 0
+        self._keys = np.empty(0, dtype=np.int64)
         self._reserve(min(_MIN_CAPACITY, max_voxels))
 
     def __len__(self) -> int:
@@ -48,7 +49,7 @@ class VoxelTable:
 
     def _reserve(self, capacity: int) -> None:
         """Room for `capacity` voxels, in at least twice as many slots, so that searches stay short."""
-        known = self._keys[: self._num] if self._num else np.empty(0, dtype=np.int64)
+        known = self._keys[: self._num]
         self._keys = np.empty(capacity, dtype=np.int64)
         self._slots = np.full(1 << (2 * capacity).bit_length(), _EMPTY, dtype=np.int32)
         _add(known, self._slots, self._keys, 0, np.empty(len(known), dtype=np.int32))

@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
-from services.mapper.odometry import Mapper
+from services.mapper.mapper import Mapper
 from shared.geometry import SE3
 from shared.messaging.messages import LidarScan, MapStatus, Odometry, PointCloud
 from shared.runtime.config import MapperConfig
@@ -44,10 +44,10 @@ def pose(k):
     return SE3.exp(k * np.array([0.02, 0.005, 0.0, 0.0, 0.0, 0.03]))
 
 
-@pytest.fixture
-def mapper():
+@pytest.fixture(params=["plane", "gicp"])
+def mapper(request):
     ticks = itertools.count(0, 2_000_000)
-    return Mapper(MapperConfig(), clock_ns=lambda: next(ticks))
+    return Mapper(MapperConfig(method=request.param), clock_ns=lambda: next(ticks))
 
 
 def only(kind, messages):
@@ -67,7 +67,7 @@ def test_it_follows_a_curve(mapper):
         assert np.linalg.norm(error.translation) < 0.005
         assert error.angle_rad < 0.005
         assert (odometry.frame, odometry.child_frame, odometry.seq) == ("map", "lidar_estimated", k)
-        assert (status.is_tracking, status.scan_seq, status.method) == (True, k, "gicp")
+        assert (status.is_tracking, status.scan_seq, status.prior) == (True, k, "constant_velocity")
     assert only(Odometry, answers[-1]).covariance is not None
 
 

@@ -14,9 +14,9 @@ from services.mapper.registration import MIN_POINTS, Points, RegistrationResult,
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
 
-_ROTATION_EPSILON_RAD = 1e-4
-_TRANSLATION_EPSILON_M = 1e-4
-"""A step below these ends the iteration: a tenth of the error that is aimed at."""
+_ROTATION_EPSILON_RAD = 1e-3
+_TRANSLATION_EPSILON_M = 1e-3
+"""A step below these ends the iteration: Gauss-Newton steps that small leave a tenth of a millimetre."""
 
 
 class IterativeRegistration(ABC):

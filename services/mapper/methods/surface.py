@@ -61,7 +61,7 @@ class Surface:
         """
         if not len(points_lidar_m):
             return nothing_found(0, T_map_lidar)
-        points_map_m = T_map_lidar.apply(points_lidar_m.astype(np.float64))
+        points_map_m = np.asarray(T_map_lidar.apply(points_lidar_m), dtype=np.float64)
         nearest, squares_m2 = self._nearest(points_map_m)
         is_inlier = squares_m2 <= max_correspondence_m**2
         num_inliers = int(is_inlier.sum())

@@ -14,6 +14,8 @@ from shared.runtime.config import MapperConfig
 
 _MIN_VOXELS = 2.0
 """Edge of the distributions' voxels, at least so many of the voxels that thin the target."""
+_MAX_VOXEL_SIZE_M = 0.5
+"""Larger ones hold several bars."""
 
 
 class Vgicp(IterativeRegistration):
@@ -28,7 +30,8 @@ class Vgicp(IterativeRegistration):
 
     def _iterate(self, source: small_gicp.PointCloud, T_map_lidar: SE3, max_correspondence_m: float) -> Any:
         self._estimate_shapes(source)
-        voxel_size_m = max(max_correspondence_m, _MIN_VOXELS * self._config.voxel_size_m)
+        voxel_size_m = min(max_correspondence_m, _MAX_VOXEL_SIZE_M)
+        voxel_size_m = max(voxel_size_m, _MIN_VOXELS * self._config.voxel_size_m)
         return small_gicp.align(
             self._voxels(voxel_size_m),
             source,

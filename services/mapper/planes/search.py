@@ -1,0 +1,109 @@
+"""Where a scan may be when the prediction does not lead there: many poses are rated roughly, the best ones followed."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.mapper.planes.alignment import Target
+from services.mapper.planes.association import seek_wide
+from services.mapper.planes.extraction import extract_planes
+from services.mapper.planes.hypotheses import angles_rad, rotations, translations
+from services.mapper.planes.runs import Runs
+from shared.kernel import kernel
+
+Float = NDArray[np.float64]
+
+_ROUGH_GATE_M = 0.12
+_NUM_ROUGH_RUNS = 120
+_MAX_PIECES = 60
+_MAX_ROTATIONS = 48
+_APART_M = 0.06
+_APART_RAD = 0.06
+
+
+class Reach(NamedTuple):
+    """How far from a guess is searched. max_poses: of each rotation."""
+
+    angle_rad: float
+    radius_m: float
+    max_poses: int
+
+
+class Pieces(NamedTuple):
+    """Pieces of plane of one scan, the largest first: planes (P, 4) in the lidar frame, num_points (P,)."""
+
+    planes: Float
+    num_points: Float
+
+
+def pieces_of(runs: Runs, voxel_m: float) -> Pieces:
+    """The pieces of plane in a scan alone."""
+    here = np.eye(3, 4)
+    planes, labels = extract_planes(runs, np.arange(len(runs.num_points)), here, voxel_m, _MAX_PIECES)
+    num_points = np.bincount(labels[labels >= 0], runs.num_points[labels >= 0], minlength=len(planes)).astype(float)
+    order = np.argsort(-num_points, kind="stable")
+    return Pieces(planes[order], num_points[order])
+
+
+@kernel()
+def _rate(runs: Runs, stride: int, poses: Float, target: Target, out: Float) -> None:
+    for h in range(len(poses)):
+        rating, num = 0.0, 0
+        for i in range(0, len(runs.centroids_m), stride):
+            j, distance_m = seek_wide(runs, i, poses[h], target.wide, target.patches.planes, _ROUGH_GATE_M)
+            num += 1
+            if j >= 0:
+                rating += 1.0 - (distance_m / _ROUGH_GATE_M) ** 2
+        out[h] = rating / max(num, 1)
+
+
+def ratings(runs: Runs, poses: Float, target: Target) -> Float:
+    """Roughly how much of a scan the map explains at poses (H, 3, 4): 0..1, from about a hundred runs."""
+    out = np.empty(len(poses))
+    _rate(runs, max(1, len(runs.num_points) // _NUM_ROUGH_RUNS), poses, target, out)
+    return out
+
+
+def candidates(
+    runs: Runs, pieces: Pieces, guesses: list[Float], reach: Reach, target: Target, num_patches: int, max_num: int
+) -> list[Float]:
+    """Poses (3, 4) near guesses that fit roughly, the best first, each well apart from the ones before."""
+    known = target.patches.planes[:num_patches]
+    turns = rotations(
+        pieces.planes[:, :3], pieces.num_points, known[:, :3], target.patches.num_points[:num_patches].astype(float)
+    )
+    poses = [guess[np.newaxis] for guess in guesses]
+    for guess in guesses:
+        poses += [_poses(guess[:, :3], pieces, known, guess[:, 3], reach)]
+        is_near = angles_rad(turns, guess[:, :3]) <= reach.angle_rad if len(turns) else np.empty(0, bool)
+        for R in turns[is_near][:_MAX_ROTATIONS]:
+            poses.append(_poses(R, pieces, known, guess[:, 3], reach))
+    all_poses = np.concatenate(poses)
+    return well_apart(all_poses[np.argsort(-ratings(runs, all_poses, target), kind="stable")], max_num)
+
+
+def _poses(R: Float, pieces: Pieces, planes: Float, near_m: Float, reach: Reach) -> Float:
+    t = translations(R, pieces.planes, planes, near_m, reach.radius_m, reach.max_poses)
+    poses = np.empty((len(t), 3, 4))
+    poses[:, :, :3], poses[:, :, 3] = R, t
+    return poses
+
+
+def well_apart(poses: Float, max_num: int) -> list[Float]:
+    """The first of poses (H, 3, 4) that are not near an earlier one."""
+    kept: list[Float] = []
+    for T in poses:
+        if all(not is_same_place(T, other) for other in kept):
+            kept.append(T)
+            if len(kept) == max_num:
+                break
+    return kept
+
+
+def is_same_place(a: Float, b: Float, apart_m: float = _APART_M) -> bool:
+    """Whether two poses (3, 4) are near to one another."""
+    cosine = 0.5 * (float(np.sum(a[:, :3] * b[:, :3])) - 1.0)
+    return bool(np.linalg.norm(a[:, 3] - b[:, 3]) < apart_m and cosine > np.cos(_APART_RAD))
