@@ -119,7 +119,7 @@ def row_of(title: str, method: str, scan_set: ScanSet, run: Run) -> Row:
 def markdown(rows: list[Row]) -> str:
     """A line a case and method."""
     lines = [
-        "| | method | scans | ATE mm | RPE mm | pairs right | lost, by its own word | ms a scan p50 / p99 | memory MB |",
+        "| | method | scans | ATE mm | RPE mm | pairs right | says it is lost | ms a scan p50 / p99 | memory MB |",
         "|---|---|--:|--:|--:|--:|--:|--:|--:|",
     ]
     for row in rows:

@@ -40,7 +40,7 @@ class Contender:
 _OURS = (
     *(
         Contender("ours", f"**{method}**, scan to scan", f"{method}:scan", 0.1)
-        for method in ("point_to_point", "point_to_plane", "gicp", "vgicp", "two_step", "plane")
+        for method in ("point_to_point", "point_to_plane", "gicp", "vgicp", "two_step")
     ),
     *(
         Contender("ours", f"**{method}**, scan to map", f"{method}:map", voxel_m)

@@ -43,15 +43,15 @@ class Run:
 class Timing:
     """Over several runs, without each run's first scan, which only begins the map.
 
-    ms_mean: median of the runs' means. cpu_share: CPU time by wall time, 1 on one core. num_dropped: scans missed when
-    they arrive at 10 and 20 Hz, by the median time of each scan.
+    Milliseconds of CPU, which on one core and one thread are those of an idle machine: medians of the runs' means,
+    medians and 99th percentiles. wall_ms_mean: the same of wall time, with whatever else the machine did. num_dropped:
+    scans missed when they arrive at 10 and 20 Hz, by the median of each scan's CPU time.
     """
 
     ms_mean: float
     ms_p50: float
     ms_p99: float
-    cpu_ms_mean: float
-    cpu_share: float
+    wall_ms_mean: float
     num_dropped_10hz: int
     num_dropped_20hz: int
 
@@ -113,16 +113,15 @@ def parse_run(text: str) -> Run:
 def timing_of(runs: Sequence[Run]) -> Timing:
     """Medians over the runs. What refining took is shared out over the scans of a run."""
     added = np.array([[run.refine_ms / len(run.ms)] for run in runs])
-    ms, cpu_ms = np.array([run.ms for run in runs]) + added, np.array([run.cpu_ms for run in runs]) + added
+    wall_ms, ms = np.array([run.ms for run in runs]) + added, np.array([run.cpu_ms for run in runs]) + added
     each = np.median(ms, axis=0)
-    ms, cpu_ms = ms[:, 1:], cpu_ms[:, 1:]
+    wall_ms, ms = wall_ms[:, 1:], ms[:, 1:]
     dropped = [num_dropped(each.tolist(), 1e3 / rate_hz) for rate_hz in _RATES_HZ]
     return Timing(
         ms_mean=float(np.median(ms.mean(axis=1))),
         ms_p50=float(np.median(np.percentile(ms, 50, axis=1))),
         ms_p99=float(np.median(np.percentile(ms, 99, axis=1))),
-        cpu_ms_mean=float(np.median(cpu_ms.mean(axis=1))),
-        cpu_share=float(cpu_ms.sum() / ms.sum()),
+        wall_ms_mean=float(np.median(wall_ms.mean(axis=1))),
         num_dropped_10hz=dropped[0],
         num_dropped_20hz=dropped[1],
     )
