@@ -31,7 +31,6 @@ Float = NDArray[np.float64]
 
 _SENSOR_URDF = '<robot name="sensor"><link name="lidar"/></robot>'
 _PERIOD_NS = 1_000_000_000
-_MAX_TRIES = 1000
 _KINDS: dict[str, Callable[[Lattice], Structure]] = {
     "orthogonal": orthogonal_truss,
     "crossed": crossed_truss,
@@ -67,7 +66,7 @@ def random_path(middle: Float, reach: Float, travel: Float, rng: np.random.Gener
 
 
 def poses_clear_of(
-    structure: Structure, draw: Callable[[], Path6], num_scans: int, clearance_m: float
+    structure: Structure, draw: Callable[[], Path6], num_scans: int, clearance_m: float, num_tries: int = 1000
 ) -> tuple[SE3, ...]:
     """Poses along the first path drawn that keeps so far from all steel.
 
@@ -75,7 +74,7 @@ def poses_clear_of(
         ValueError: none of many did.
     """
     shapes = parse_urdf(structure_urdf(structure), structure.name).shapes
-    for _ in range(_MAX_TRIES):
+    for _ in range(num_tries):
         path = draw()
         fine_m = np.array([path.at(share).translation for share in np.linspace(0, 1, 4 * num_scans)])
         if distances_to_shapes(fine_m, shapes).min() >= clearance_m:

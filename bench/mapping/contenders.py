@@ -132,5 +132,8 @@ def _version(python: str, peer: str) -> str | None:
 
 
 def _output(command: Sequence[str]) -> str | None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603  our own command lines
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own command lines
+    except OSError:
+        return None
     return done.stdout.strip().splitlines()[-1] if done.returncode == 0 and done.stdout.strip() else None
