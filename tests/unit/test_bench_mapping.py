@@ -116,7 +116,7 @@ def test_paths_keep_clear_of_the_steel_or_there_are_none() -> None:
 
 def test_scans_of_a_flight_score_as_true_and_wrong_poses_do_not(tmp_path: Path) -> None:
     config = LidarConfig.model_validate({"preset": "ideal", "self_hits": False})
-    poses = [SE3.from_rpy([0.0, 0.0, 0.2 * k], [0.1 * k, 0.0, 0.0]) for k in range(3)]
+    poses = [SE3.from_rpy([0.1, 0.0, 0.3 + 0.2 * k], [0.1 * k, 0.2, 0.0]) for k in range(3)]
     write_scans(tmp_path / "flight", _ROOM, poses, config, seed=1)
     scan_set = read_scan_set(tmp_path / "flight")
     structure = structure_of(scan_set.directory)
