@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cli.clouds import finite_points
 from services.evaluator import association
 from services.evaluator.alignment import Alignment, aligned
 from services.evaluator.map_accuracy import num_points_off_planes
 from services.evaluator.map_entropy import mean_map_entropy
 from services.evaluator.map_quality import MapQuality, compare_map
 from services.evaluator.trajectory_error import TrajectoryComparison, TrajectoryError, errors_by_distance
-from shared.cloud_files import read_cloud, unit_warning
-from shared.errors import CloudFileError, HyrecroError
+from shared.errors import HyrecroError
 from shared.geometry import SE3
 from shared.robot.urdf import parse_urdf
 from shared.runtime.config import Config
@@ -153,7 +153,7 @@ def _trajectory_figures(error: TrajectoryError) -> dict[str, Any]:
 
 def _add_map(result: Evaluation, files: MapFiles, T_world_map: SE3, config: Config) -> None:
     structure = parse_urdf(structure_urdf(load_structure(files.structure)), str(files.structure))
-    points_m = _map_points(files.cloud, result.warnings)
+    points_m = finite_points(files.cloud, result.warnings.append)
     chosen = np.unique(np.linspace(0, len(result.true) - 1, _NUM_EYES).round().astype(int))
     eyes_m = np.array([result.true[row][1].translation for row in chosen])
     rng = np.random.default_rng(config.seed)
@@ -167,18 +167,6 @@ def _add_map(result: Evaluation, files: MapFiles, T_world_map: SE3, config: Conf
         ),
     }
     result.map_points_m, result.distances_m = in_world, quality.distances_m
-
-
-def _map_points(path: Path, warnings: list[str]) -> Float:
-    points_m = read_cloud(path).points_m
-    is_finite: NDArray[np.bool_] = np.all(np.isfinite(points_m), axis=1)
-    if not is_finite.any():
-        raise CloudFileError(f"{path}: has no points" + (" that are finite" if len(points_m) else ""))
-    if num_bad := int((~is_finite).sum()):
-        warnings.append(f"{path}: {num_bad} of {len(points_m)} points are not finite and are left out")
-    if text := unit_warning(points_m):
-        warnings.append(f"{path}: {text}")
-    return points_m[is_finite]
 
 
 def _map_figures(quality: MapQuality) -> dict[str, Any]:

@@ -9,9 +9,10 @@ from types import FrameType
 import typer
 
 from cli import (
+    cloud_commands,
     config_commands,
-    map_commands,
     eval_commands,
+    map_commands,
     pipeline_commands,
     robot_commands,
     sensor_commands,
@@ -31,6 +32,7 @@ app = typer.Typer(
 pipeline_commands.register(app)
 map_commands.register(app)
 eval_commands.register(app)
+app.add_typer(cloud_commands.app, name="cloud", help="Find planes in clouds, filter and save them.")
 app.add_typer(robot_commands.app, name="robot", help="Command the robot and read its state.")
 app.add_typer(sensor_commands.app, name="sensor", help="See what the sensors see.")
 app.add_typer(sim_commands.app, name="sim", help="Pause, step, pace, reset and seed of simulated time.")

@@ -30,16 +30,10 @@ def map_(
     voxel: Annotated[float | None, typer.Option(help="Edge of the voxels in metres.")] = None,
     range_: Annotated[float | None, typer.Option("--range", help="Farthest points taken, in metres.")] = None,
     crop: Annotated[str | None, typer.Option(metavar="X0,X1,Y0,Y1,Z0,Z1", help="A box in the sensor's frame.")] = None,
-    prior: Annotated[
-        Path | None, typer.Option(metavar="P.tum", help="T_map_lidar a scan, for its steps.")
-    ] = None,
-    period: Annotated[
-        float | None, typer.Option(min=1e-3, help="Seconds between scans of DIR, to deskew.")
-    ] = None,
+    prior: Annotated[Path | None, typer.Option(metavar="P.tum", help="T_map_lidar a scan, for its steps.")] = None,
+    period: Annotated[float | None, typer.Option(min=1e-3, help="Seconds between scans of DIR, to deskew.")] = None,
     refine: Annotated[bool, typer.Option(help="Afterwards estimates all poses and planes together.")] = False,
-    map_: Annotated[
-        Path | None, typer.Option("--map", metavar="OUT.pcd", help="Writes it: pcd, ply, las.")
-    ] = None,
+    map_: Annotated[Path | None, typer.Option("--map", metavar="OUT.pcd", help="Writes it: pcd, ply, las.")] = None,
     trajectory: Annotated[Path | None, typer.Option(metavar="OUT.tum", help="Writes T_map_lidar of each scan.")] = None,
     view: Annotated[bool, typer.Option(help="Shows the map in the Rerun viewer while it grows.")] = False,
     rrd: Annotated[Path | None, typer.Option(metavar="OUT.rrd", help="Writes what --view shows to a file.")] = None,

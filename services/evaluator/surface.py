@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.meshes import merged, mesh_of
+from shared.meshes import is_closed, merged, mesh_of
 from shared.robot.description import Shape
+from shared.solids import Mesh
 
 Float = NDArray[np.float64]
 
@@ -38,7 +39,10 @@ class TrueSurface:
 
     def __init__(self, shapes: Sequence[Shape]) -> None:
         o3d: Any = import_module("open3d")
-        self._mesh = merged([mesh_of(shape.solid).moved(shape.T_link_shape) for shape in shapes])
+        solids = [shape.solid for shape in shapes]
+        meshes = [mesh_of(shape.solid).moved(shape.T_link_shape) for shape in shapes]
+        self._bodies = [(mesh, not isinstance(solid, Mesh)) for mesh, solid in zip(meshes, solids, strict=True)]
+        self._mesh = merged(meshes)
         if len(self._mesh.triangles) == 0:
             raise ValueError("the structure has no shapes to compare a map with")
         self._tensor: Any = o3d.core.Tensor
@@ -78,15 +82,36 @@ class TrueSurface:
         return hits_m
 
     def _is_buried(self, samples: SurfaceSamples) -> NDArray[np.bool_]:
-        """Mask (N,): inside another closed shape, as a ray leaves more shapes than it enters on its way out."""
-        rays = np.concatenate([samples.points_m - self._middle + _OFF_M * samples.normals, samples.normals], axis=1)
-        met = self._scene.list_intersections(self._tensor(rays.astype(np.float32)), nthreads=1)
-        triangles, of_ray = met["primitive_ids"].numpy(), met["ray_ids"].numpy().astype(np.int64)
-        normals, _ = _normals_and_areas(self._mesh.vertices_m[self._mesh.triangles[triangles]])
-        signs = np.sign(np.einsum("ij,ij->i", normals, samples.normals[of_ray]))
-        winding = np.bincount(of_ray, weights=signs, minlength=len(rays))
-        is_buried: NDArray[np.bool_] = winding > 0
+        """Mask (N,): just above them there is the inside of a shape."""
+        above_m = samples.points_m + _OFF_M * samples.normals
+        is_buried = np.zeros(len(above_m), dtype=bool)
+        for mesh, is_convex in self._bodies:
+            low_m, high_m = mesh.vertices_m.min(axis=0), mesh.vertices_m.max(axis=0)
+            near = np.flatnonzero(np.all((above_m >= low_m) & (above_m <= high_m), axis=1))
+            if len(near):
+                is_buried[near] |= _is_inside(above_m[near], mesh, is_convex=is_convex)
         return is_buried
+
+
+def _is_inside(points_m: Float, mesh: Mesh, *, is_convex: bool) -> NDArray[np.bool_]:
+    """Mask (N,); of a convex mesh by its planes, of another one if it is closed, by rays."""
+    if is_convex:
+        corners = mesh.vertices_m[mesh.triangles]
+        normals, _ = _normals_and_areas(corners)
+        is_behind: NDArray[np.bool_] = np.all(
+            points_m @ normals.T <= np.einsum("ij,ij->i", normals, corners[:, 0]), axis=1
+        )
+        return is_behind
+    if not is_closed(mesh):
+        return np.zeros(len(points_m), dtype=bool)
+    o3d: Any = import_module("open3d")
+    scene, middle = o3d.t.geometry.RaycastingScene(nthreads=1), mesh.vertices_m.mean(axis=0)
+    vertices = o3d.core.Tensor((mesh.vertices_m - middle).astype(np.float32))
+    scene.add_triangles(vertices, o3d.core.Tensor(np.ascontiguousarray(mesh.triangles)))
+    occupied: NDArray[np.bool_] = (
+        scene.compute_occupancy(o3d.core.Tensor((points_m - middle).astype(np.float32))).numpy() > 0
+    )
+    return occupied
 
 
 def _sampled(corners: Float, num_samples: int, rng: np.random.Generator) -> SurfaceSamples:

@@ -23,10 +23,6 @@ _SURFACE_TOLERANCE_M = 0.02
 
 
 class RegistrationError(HyrecroError):
-    """A target that nothing can be aligned to."""
-
-
-class RegistrationError(HyrecroError):
     """A scan has too little to align others to, or was not found: the text says which."""
 
 

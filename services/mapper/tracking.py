@@ -16,6 +16,8 @@ _MAX_WIDENINGS = 3
 _LOCALISE_AFTER = 2
 """Lost scans after which the whole map is searched, at first at each and then at every so many scans."""
 _LOCALISE_EVERY = 5
+_MAX_DOUBLINGS = 20
+"""Of the way that is believed after a search of the whole map: by then any place is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +59,8 @@ class Tracker:
         guesses = [prediction, self._T_map_tracked]
         result = self._matcher.align(points_m, guesses, self._widening)
         is_found_again = False
-        if not (self._is_clear(result) and self._is_near(result, guesses)):
-            result, is_found_again = self._found_anywhere(points_m) or (result, False)
+        if not (self._is_clear(result) and self._is_near(result, guesses, self._widening)):
+            result, is_found_again = self._found_anywhere(points_m, guesses) or (result, False)
             if not is_found_again:
                 self._T_map_sensor = prediction
                 self.num_lost += 1
@@ -70,21 +72,25 @@ class Tracker:
         self.num_lost = 0
         return Track(T_map_sensor, True, result, axes, is_found_again)
 
-    def _found_anywhere(self, points_m: Points) -> tuple[RegistrationResult, bool] | None:
+    def _found_anywhere(self, points_m: Points, guesses: list[SE3]) -> tuple[RegistrationResult, bool] | None:
+        """A clear place in the whole map, as far away as the sensor can be after so many lost scans: lattices repeat."""
         since = self.num_lost - _LOCALISE_AFTER
         if self._config.scan_to == "scan" or since < 0 or (since > _LOCALISE_EVERY and since % _LOCALISE_EVERY):
             return None
         result = self._matcher.localise(points_m)
-        return (result, True) if result is not None and self._is_clear(result) else None
+        if result is None or not self._is_clear(result):
+            return None
+        is_near = self._is_near(result, guesses, 2.0 ** min(self.num_lost, _MAX_DOUBLINGS))
+        return (result, True) if is_near else None
 
     def _is_clear(self, result: RegistrationResult) -> bool:
         return result.score >= self._config.min_score and not result.is_suspect
 
-    def _is_near(self, result: RegistrationResult, guesses: list[SE3]) -> bool:
+    def _is_near(self, result: RegistrationResult, guesses: list[SE3], widening: float) -> bool:
         jumps = [guess.inv() @ result.T_map_lidar for guess in guesses]
         return any(
-            np.linalg.norm(jump.translation) <= self._config.max_jump_m * self._widening
-            and jump.angle_rad <= np.deg2rad(self._config.max_jump_deg) * self._widening
+            np.linalg.norm(jump.translation) <= self._config.max_jump_m * widening
+            and jump.angle_rad <= np.deg2rad(self._config.max_jump_deg) * widening
             for jump in jumps
         )
 

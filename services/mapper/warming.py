@@ -23,12 +23,23 @@ def warm_up(config: MapperConfig) -> None:
         mapper.add_scan(_scan(k, pose.inv().apply(_room(k))), received_ns=0)
         pose = pose @ _STEP
     mapper.map_planes()
-    focal_px = _SIZE_PX / 2
     centre_px = (_SIZE_PX - 1) / 2
-    camera = {"fx": focal_px, "fy": focal_px, "cx": centre_px, "cy": centre_px}
-    image = {"stamp_ns": 10**9, "seq": 0, "frame": "depth_optical", "height": _SIZE_PX, "width": _SIZE_PX}
-    mapper.set_camera(CameraInfo(**image, **camera))
-    mapper.add_image(DepthImage(**image, depth_mm=np.full(_SIZE_PX**2, 1500, dtype=np.uint16)), received_ns=0)
+    mapper.set_camera(
+        CameraInfo(
+            stamp_ns=10**9,
+            seq=0,
+            frame="depth_optical",
+            height=_SIZE_PX,
+            width=_SIZE_PX,
+            fx=_SIZE_PX / 2,
+            fy=_SIZE_PX / 2,
+            cx=centre_px,
+            cy=centre_px,
+        )
+    )
+    depth_mm = np.full(_SIZE_PX**2, 1500, dtype=np.uint16)
+    image = DepthImage(stamp_ns=10**9, seq=0, frame="depth_optical", height=_SIZE_PX, width=_SIZE_PX, depth_mm=depth_mm)
+    mapper.add_image(image, received_ns=0)
 
 
 def _room(seed: int) -> NDArray[np.float32]:
@@ -41,7 +52,9 @@ def _room(seed: int) -> NDArray[np.float32]:
         to_walls_m = (np.array([2.0, 1.5, 1.2]) / np.abs(rays)).min(axis=1)
         to_post_m = np.where((rays[:, 0] > 0) & (np.abs(rays[:, 1] / rays[:, 0]) < 0.1), 1.0 / rays[:, 0], np.inf)
     noise_m = 0.005 * np.random.default_rng(seed).standard_normal(len(rays))
-    points: NDArray[np.float32] = (rays * (np.minimum(to_walls_m, to_post_m) + noise_m)[:, np.newaxis]).astype(np.float32)
+    points: NDArray[np.float32] = (rays * (np.minimum(to_walls_m, to_post_m) + noise_m)[:, np.newaxis]).astype(
+        np.float32
+    )
     return points
 
 

@@ -227,7 +227,10 @@ def _plane(plane: m.Plane) -> object:
 
 
 def _tracking_metrics(metrics: m.TrackingMetrics, stamp_ns: int) -> object:
-    return ros.own(metrics, stamp_ns)
+    """Without a map the number of its points is 0."""
+    names = ("rpe_rmse_rad", "drift_m", "map_accuracy_mean_m", "map_accuracy_p95_m")
+    unknown = {name: _or_unknown(getattr(metrics, name)) for name in names}
+    return ros.own(metrics, stamp_ns, **unknown, num_map_points=metrics.num_map_points or 0)
 
 
 def _event(event: m.Event, stamp_ns: int) -> object:

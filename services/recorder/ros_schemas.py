@@ -86,6 +86,11 @@ float64 ate_rmse_m
 float64 rpe_rmse_m
 float64 last_error_m
 float64 last_error_rad
+float64 rpe_rmse_rad
+float64 drift_m
+float64 map_accuracy_mean_m
+float64 map_accuracy_p95_m
+int64 num_map_points
 """,
 }
 

@@ -423,13 +423,22 @@ class PlaneMap(Measurement):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrackingMetrics(Measurement):
-    """Estimate against truth so far: RMSE of position (ATE), of the step between scans (RPE), and the last error."""
+    """Estimate against truth so far: RMSE of position (ATE), of the step between scans (RPE), and the last error.
+
+    drift_m: of the last position, with the first poses laid together. map_accuracy_*: distance of the map's points to
+    the true structure, of a part of its num_map_points. None = not known yet.
+    """
 
     num_poses: int
     ate_rmse_m: float
     rpe_rmse_m: float
     last_error_m: float
     last_error_rad: float
+    rpe_rmse_rad: float | None = None
+    drift_m: float | None = None
+    map_accuracy_mean_m: float | None = None
+    map_accuracy_p95_m: float | None = None
+    num_map_points: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

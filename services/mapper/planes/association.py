@@ -94,14 +94,15 @@ def _seek(
     for k in range(len(entries)):
         if entries[k] < 0:
             break
-        a, b, c, d = planes[entries[k] >> 1]
+        j = entries[k] >> 1
+        a, b, c, d = planes[j, 0], planes[j, 1], planes[j, 2], planes[j, 3]
         distance_m = abs(a * p[0] + b * p[1] + c * p[2] + d)
         is_facing = a * ray[0] + b * ray[1] + c * ray[2] < 0.0
         is_along = abs(a * along[0] + b * along[1] + c * along[2]) < slope
         if distance_m < best_m and is_facing and is_along and (is_wide or entries[k] & 1):
             if best >= 0:
                 next_m = min(next_m, best_m)
-            best, best_m = entries[k] >> 1, distance_m
+            best, best_m = j, distance_m
         else:
             next_m = min(next_m, distance_m)
     return best, best_m, next_m

@@ -84,7 +84,8 @@ def _seed(cloud: Cloud, v: int, labels: Int, plane: Float) -> bool:
 
 @kernel()
 def _is_within(cloud: Cloud, i: int, centre: Float) -> bool:
-    x, y, z = cloud.centroids_m[i] - centre
+    c = cloud.centroids_m[i]
+    x, y, z = c[0] - centre[0], c[1] - centre[1], c[2] - centre[2]
     return x * x + y * y + z * z < MAX_RADIUS_M * MAX_RADIUS_M
 
 

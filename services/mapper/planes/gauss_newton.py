@@ -25,7 +25,7 @@ ALPHA = NUM_POSE + NUM_PATCH
 NUM_COLUMNS = ALPHA + 1
 _MAX_STEP = 0.3
 """Metres and radians together: from farther away the patches were not the right ones."""
-_HELD = 1e-3
+HELD = 1e-3
 """Added to the information (1/m^2, 1/rad^2), so that directions of which nothing is said do not move."""
 
 
@@ -106,26 +106,29 @@ def eliminate_patch(N: Float) -> None:
                 N[i, j] -= factor * N[p, j]
 
 
-@kernel()
-def cholesky_solve(H: Float, g: Float, x: Float) -> None:
-    """Solves H x = g for a positive definite H (K, K), whose lower half becomes its factor."""
-    K = len(g)
-    for i in range(K):
+@kernel(fastmath={"contract", "reassoc", "nsz"})
+def factorise(H: Float) -> None:
+    """The lower half of a positive definite H (K, K) becomes its Cholesky factor."""
+    for i in range(len(H)):
         for j in range(i + 1):
             s = H[i, j]
             for k in range(j):
                 s -= H[i, k] * H[j, k]
             H[i, j] = math.sqrt(max(s, 1e-12)) if i == j else s / H[j, j]
+
+
+@kernel()
+def solve_factorised(L: Float, x: Float) -> None:
+    """x (K,) becomes the solution of L L^T x = x, with a lower L (K, K)."""
+    K = len(x)
     for i in range(K):
-        s = g[i]
         for k in range(i):
-            s -= H[i, k] * x[k]
-        x[i] = s / H[i, i]
+            x[i] -= L[i, k] * x[k]
+        x[i] /= L[i, i]
     for i in range(K - 1, -1, -1):
-        s = x[i]
         for k in range(i + 1, K):
-            s -= H[k, i] * x[k]
-        x[i] = s / H[i, i]
+            x[i] -= L[k, i] * x[k]
+        x[i] /= L[i, i]
 
 
 @kernel()
@@ -146,13 +149,14 @@ def step_pose(T: Float, x: Float) -> None:
 @kernel()
 def _take_step(N: Float, damping: float, T: Float) -> float:
     """Solves the sum N (10, 10) for the pose and moves it; returns the largest part of the step."""
-    H, g, x = np.empty((NUM_POSE, NUM_POSE)), np.empty(NUM_POSE), np.empty(NUM_POSE)
+    H, x = np.empty((NUM_POSE, NUM_POSE)), np.empty(NUM_POSE)
     for p in range(NUM_POSE):
         for q in range(NUM_POSE):
             H[p, q] = N[p, q]
-        H[p, p] = H[p, p] * (1.0 + damping) + _HELD
-        g[p] = -N[p, ALPHA]
-    cholesky_solve(H, g, x)
+        H[p, p] = H[p, p] * (1.0 + damping) + HELD
+        x[p] = -N[p, ALPHA]
+    factorise(H)
+    solve_factorised(H, x)
     length = math.sqrt(np.sum(x * x))
     if length > _MAX_STEP:
         x *= _MAX_STEP / length

@@ -16,6 +16,10 @@ _SAME_DIRECTION = np.cos(np.radians(8.0))
 """Normals of small patches are a few degrees off; the faces of a lattice are tens of degrees apart."""
 _MAX_SCAN_DIRECTIONS = 10
 _MAX_MAP_DIRECTIONS = 24
+_LEAST_WEIGHT = 0.01
+"""Directions of a smaller share of the points are mostly not faces."""
+_LEAST_SUPPORT = 0.6
+_MAX_ROTATIONS = 48
 _MAX_PARALLEL = np.cos(np.radians(30.0))
 _NUM_PIECES = 8
 _MIN_DETERMINANT = 0.4
@@ -40,6 +44,7 @@ def distinct_directions(normals: Float, weights: Float, max_num: int) -> tuple[F
             sums.append(weights[k] * normals[k])
             totals.append(weights[k])
     order = np.argsort(-np.array(totals), kind="stable")[:max_num]
+    order = order[np.array(totals)[order] > _LEAST_WEIGHT * sum(totals)]
     directions = np.array(sums).reshape(-1, 3)[order]
     return directions / np.linalg.norm(directions, axis=1, keepdims=True), np.array(totals)[order]
 
@@ -75,12 +80,13 @@ def rotations(scan_normals: Float, scan_weights: Float, map_normals: Float, map_
         return np.empty((0, 3, 3))
     R = _triads(known[a[m]], known[b[m]]) @ _triads(scan[i[s]], scan[j[s]]).transpose(0, 2, 1)
     is_met = np.einsum("hij,sj,ki->hsk", R, scan, known).max(axis=2) > _SAME_DIRECTION
-    order = np.argsort(-(is_met @ weights), kind="stable")
+    support = is_met @ weights
+    order = np.argsort(-support, kind="stable")
+    R = R[order[support[order] > _LEAST_SUPPORT * support.max()]]
     kept: list[Float] = []
-    for h in order:
-        traces = np.einsum("hij,ij->h", np.array(kept).reshape(-1, 3, 3), R[h])
-        if not len(traces) or traces.max() < 1.0 + 2.0 * _SAME_DIRECTION:
-            kept.append(R[h])
+    while len(R) and len(kept) < _MAX_ROTATIONS:
+        kept.append(R[0])
+        R = R[angles_rad(R, R[0]) > np.arccos(_SAME_DIRECTION)]
     return np.array(kept)
 
 

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from services.mapper.planes.alignment import Counts, Target, approach, finish
 from services.mapper.planes.association import Association, associate, room_for
 from services.mapper.planes.gauss_newton import normal_sums
-from services.mapper.planes.growth import add_new_patches, extend_patches
-from services.mapper.planes.noise import NUM_RANGE_BINS, sigma_by_range
+from services.mapper.planes.growth import first_map, take_in
 from services.mapper.planes.patches import Patches, PatchMap
 from services.mapper.planes.runs import Runs, cut_runs
 from services.mapper.planes.search import Reach, candidates, is_same_place, pieces_of
-from services.mapper.registration import Points, RegistrationError, RegistrationResult
+from services.mapper.registration import Points, RegistrationResult
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
 
@@ -24,9 +23,6 @@ Float = NDArray[np.float64]
 
 _GATE_M = 0.05
 """Half the width of the narrowest face: a wider first gate takes points to the other face of a bar, and stays there."""
-_MIN_VOXEL_M = 0.1
-_SIGMAS_A_VOXEL = 4.0
-_MIN_PATCHES = 3
 _SCORE_TOLERANCE = 0.06
 """A score so far below the usual is looked into: right ones vary by less."""
 _SHARE_OF_USUAL = 0.6
@@ -64,7 +60,6 @@ class PlaneMatcher:
         self._config = config
         self._map: PatchMap | None = None
         self._found: _Found | None = None
-        self._sigma_m = np.full(NUM_RANGE_BINS, config.range_noise_m or 0.0)
         self._num_scans = 0
         self._usual_score = self._usual_share = 0.0
         self.stages = [0] * 6
@@ -81,17 +76,7 @@ class PlaneMatcher:
         Raises:
             RegistrationError: the scan shows fewer than three patches of plane.
         """
-        self._learn_noise(points_lidar_m)
-        runs, T = cut_runs(points_lidar_m, self._sigma_m), _pose_array(T_map_lidar)
-        sigma_m = float(np.median(runs.sigma_m)) if len(runs.sigma_m) else 0.0
-        patch_map = PatchMap(self._config.max_planes, max(_MIN_VOXEL_M, _SIGMAS_A_VOXEL * sigma_m))
-        association = room_for(self._config.max_planes, len(runs.num_points))
-        add_new_patches(patch_map, runs, T, association.assigned)
-        if patch_map.num_patches < _MIN_PATCHES:
-            raise RegistrationError(f"a scan of {len(points_lidar_m)} points shows too few planes to align others to")
-        self._map = patch_map
-        counts = Counts(*associate(runs, 1, T, patch_map.narrow, patch_map.arrays.planes, association))
-        patch_map.add(T, association)
+        self._map, counts = first_map(points_lidar_m, _pose_array(T_map_lidar), self._config)
         self._usual_share = counts.num_explained / max(counts.num_points, 1)
         self._usual_score = _explained_share(counts) - 0.5 * _SCORE_TOLERANCE
         self._num_scans = 1
@@ -99,7 +84,7 @@ class PlaneMatcher:
     def align(self, points_lidar_m: Points, guesses: Sequence[SE3], widening: float) -> RegistrationResult:
         """The best place of a scan near the guesses of T_map_lidar, the most likely first; searches wider as needed."""
         assert self._map is not None, "start the matcher first"
-        runs = cut_runs(points_lidar_m, self._sigma_m)
+        runs = cut_runs(points_lidar_m, self._map.sigma_by_range_m)
         association = room_for(self._config.max_planes, len(runs.num_points))
         target = self._target()
         poses = [_pose_array(guess) for guess in guesses]
@@ -126,7 +111,11 @@ class PlaneMatcher:
         pieces = pieces_of(runs, self._map.voxel_m)
         reach = Reach(np.radians(80.0) * widening, 0.3 * widening, 600)
         found = candidates(runs, pieces, guesses, reach, self._target(), self._map.num_patches, _NUM_FOLLOWED)
-        followed = [first] + [self._follow(runs, T, 2.0 * _GATE_M, association) for T in found]
+        followed = [first]
+        for T in found:
+            followed.append(self._follow(runs, T, 2.0 * _GATE_M, association))
+            if followed[-1].score > good:
+                break
         best = max(followed, key=lambda candidate: candidate.score)
         rivals = [c.score for c in followed if not is_same_place(c.T, best.T, _SLIP_M)]
         return best, max(rivals, default=0.0) > best.score - _RIVAL_MARGIN
@@ -139,12 +128,7 @@ class PlaneMatcher:
         patches = self._map.arrays.planes
         if not np.allclose(T, found.T, rtol=0.0, atol=1e-6):
             associate(found.runs, 1, T, self._map.narrow, patches, found.association)
-        self._map.add(T, found.association)
-        extend_patches(self._map, found.runs, T, found.association)
-        first_new = self._map.num_patches
-        if add_new_patches(self._map, found.runs, T, found.association.assigned):
-            associate(found.runs, 1, T, self._map.narrow, self._map.arrays.planes, found.association)
-            self._map.add(T, found.association, first_new)
+        take_in(self._map, found.runs, T, found.association)
         self._usual_score += _FORGETTING * (found.score - self._usual_score)
         self._usual_share += _FORGETTING * (found.share - self._usual_share)
         self._num_scans += 1
@@ -156,10 +140,6 @@ class PlaneMatcher:
     def _target(self) -> Target:
         assert self._map is not None
         return Target(self._map.narrow, self._map.wide, self._map.arrays)
-
-    def _learn_noise(self, points_lidar_m: Points) -> None:
-        if self._config.range_noise_m is None:
-            self._sigma_m = sigma_by_range(points_lidar_m)
 
     def _score(self, counts: Counts) -> float:
         share = counts.num_explained / max(counts.num_points, 1)

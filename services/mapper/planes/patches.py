@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from services.mapper.planes.association import Association
 from services.mapper.planes.moments import NUM_MOMENTS, add_moved, fit_plane
-from services.mapper.planes.voxel_table import VoxelTable, empty_table, put_around, with_room
+from services.mapper.planes.voxel_table import VoxelTable, empty_table, put_about, put_around, with_room
 from shared.kernel import kernel
 
 Float = NDArray[np.float64]
 
 WIDE_VOXEL_M = 0.2
+_MIN_VOXEL_M = 0.1
+_SIGMAS_A_VOXEL = 4.0
+"""A voxel in which noise is as thick as the voxel has no flat piece."""
 _PATCHES_A_VOXEL = 6
 _PATCHES_A_WIDE_VOXEL = 12
 MAX_SLOTS = 1 << 20
@@ -80,25 +83,30 @@ def refit(patches: PatchArrays, j: int) -> None:
 
 
 @kernel()
-def _list_points(points_m: Float, patch_of: NDArray[np.int64], table: VoxelTable, reach_m: float) -> None:
+def _list_points(points_m: Float, patch_of: NDArray[np.int64], narrow: VoxelTable, wide: VoxelTable) -> None:
     for i in range(len(points_m)):
         if patch_of[i] >= 0:
-            put_around(table, points_m[i, 0], points_m[i, 1], points_m[i, 2], reach_m, patch_of[i])
+            put_about(narrow, points_m[i, 0], points_m[i, 1], points_m[i, 2], patch_of[i])
+            put_around(wide, points_m[i, 0], points_m[i, 1], points_m[i, 2], patch_of[i])
 
 
 class PatchMap:
-    """Patches and where they are. max_patches: further ones are not taken up. voxel_m: of the narrow table."""
+    """Patches and where they are. max_patches: further ones are not taken up.
 
-    def __init__(self, max_patches: int, voxel_m: float) -> None:
-        self.voxel_m = voxel_m
+    sigma_by_range_m: noise of a range, of `sigma_by_range`; usual_sigma_m: at the ranges that are met most.
+    """
+
+    def __init__(self, max_patches: int, sigma_by_range_m: Float, usual_sigma_m: float) -> None:
+        self.voxel_m = max(_MIN_VOXEL_M, _SIGMAS_A_VOXEL * usual_sigma_m)
+        self.sigma_by_range_m = sigma_by_range_m
         self.num_patches = 0
         self._max_patches = max_patches
         room = min(max_patches, 512)
         self.arrays = PatchArrays(
             np.zeros((room, 4)), np.zeros((room, 3)), np.zeros((room, NUM_MOMENTS)), np.zeros(room, np.int64)
         )
-        self.narrow = empty_table(voxel_m, _PATCHES_A_VOXEL)
-        self.wide = empty_table(max(WIDE_VOXEL_M, 2.0 * voxel_m), _PATCHES_A_WIDE_VOXEL)
+        self.narrow = empty_table(self.voxel_m, _PATCHES_A_VOXEL)
+        self.wide = empty_table(max(WIDE_VOXEL_M, 2.0 * self.voxel_m), _PATCHES_A_WIDE_VOXEL)
 
     @property
     def snapshot(self) -> Patches:
@@ -124,10 +132,9 @@ class PatchMap:
     def list_points(self, points_m: Float, patch_of: NDArray[np.int64]) -> None:
         """The patches (N,) were seen at points (N, 3) in the map frame; -1: none was."""
         for i in range(0, len(points_m), _POINTS_AT_ONCE):
-            some_m, patches = points_m[i : i + _POINTS_AT_ONCE], patch_of[i : i + _POINTS_AT_ONCE]
             self.make_room()
-            _list_points(some_m, patches, self.narrow, 0.5 * self.voxel_m)
-            _list_points(some_m, patches, self.wide, 1.0 / float(self.wide.inverse_m[0]))
+            some = slice(i, i + _POINTS_AT_ONCE)
+            _list_points(points_m[some], patch_of[some], self.narrow, self.wide)
 
     def make_room(self) -> None:
         """Enlarges the tables so far that a few hundred points can be listed."""

@@ -19,7 +19,6 @@ Float = NDArray[np.float64]
 _ROUGH_GATE_M = 0.12
 _NUM_ROUGH_RUNS = 120
 _MAX_PIECES = 60
-_MAX_ROTATIONS = 48
 _APART_M = 0.06
 _APART_RAD = 0.06
 
@@ -73,13 +72,13 @@ def candidates(
     """Poses (3, 4) near guesses that fit roughly, the best first, each well apart from the ones before."""
     known = target.patches.planes[:num_patches]
     turns = rotations(
-        pieces.planes[:, :3], pieces.num_points, known[:, :3], target.patches.num_points[:num_patches].astype(float)
+        pieces.planes[:, :3], pieces.num_points, known[:, :3], target.patches.num_points[:num_patches] + 1.0
     )
     poses = [guess[np.newaxis] for guess in guesses]
     for guess in guesses:
         poses += [_poses(guess[:, :3], pieces, known, guess[:, 3], reach)]
         is_near = angles_rad(turns, guess[:, :3]) <= reach.angle_rad if len(turns) else np.empty(0, bool)
-        for R in turns[is_near][:_MAX_ROTATIONS]:
+        for R in turns[is_near]:
             poses.append(_poses(R, pieces, known, guess[:, 3], reach))
     all_poses = np.concatenate(poses)
     return well_apart(all_poses[np.argsort(-ratings(runs, all_poses, target), kind="stable")], max_num)

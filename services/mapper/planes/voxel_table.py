@@ -104,14 +104,38 @@ def put(table: VoxelTable, x: float, y: float, z: float, patch: int, is_core: bo
 
 
 @kernel()
-def put_around(table: VoxelTable, x: float, y: float, z: float, reach_m: float, patch: int) -> None:
-    """Lists a patch as seen at (x, y, z), and as near in the voxels up to `reach_m` away along each axis."""
+def is_listed(table: VoxelTable, x: float, y: float, z: float, patch: int) -> bool:
+    """Whether the patch was seen in the voxel at (x, y, z)."""
+    entries = table.lists[slot_at(table, x, y, z)]
+    for k in range(len(entries)):
+        if entries[k] == 2 * patch + 1:
+            return True
+    return False
+
+
+@kernel()
+def put_about(table: VoxelTable, x: float, y: float, z: float, patch: int) -> None:
+    """Lists a patch as seen at (x, y, z), and as near in all voxels that a cube of one voxel's size about it meets."""
     put(table, x, y, z, patch, True)
+    half_m = 0.5 / table.inverse_m[0]
+    for a in (-half_m, half_m):
+        for b in (-half_m, half_m):
+            for c in (-half_m, half_m):
+                put(table, x + a, y + b, z + c, patch, False)
+
+
+@kernel()
+def put_around(table: VoxelTable, x: float, y: float, z: float, patch: int) -> None:
+    """Lists a patch as seen at (x, y, z), and as near in the 26 voxels around."""
+    if is_listed(table, x, y, z, patch):
+        return
+    put(table, x, y, z, patch, True)
+    edge_m = 1.0 / table.inverse_m[0]
     for a in range(-1, 2):
         for b in range(-1, 2):
             for c in range(-1, 2):
                 if a != 0 or b != 0 or c != 0:
-                    put(table, x + a * reach_m, y + b * reach_m, z + c * reach_m, patch, False)
+                    put(table, x + a * edge_m, y + b * edge_m, z + c * edge_m, patch, False)
 
 
 @kernel()
