@@ -38,6 +38,14 @@ class ScanSet:
         """The folder's."""
         return self.directory.name
 
+    def first(self, num_scans: int) -> ScanSet:
+        """The same with at most so many scans."""
+        some = slice(num_scans)
+        prior = None if self.prior is None else self.prior[some]
+        return ScanSet(
+            self.directory, self.scans_m[some], self.t_ns[some], self.stamps_ns[some], self.truth[some], prior
+        )
+
     def guesses(self) -> NDArray[np.float64] | None:
         """T_previous_scan (K, 16), row-major, by the prior; the first is identity."""
         if self.prior is None:
