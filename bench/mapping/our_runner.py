@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 from services.mapper.mapper import Mapper
 from services.mapper.priors.interface import Prior
 from services.mapper.priors.known_trajectory import KnownTrajectory
+from services.mapper.registration import Points
+from services.mapper.warming import warm_up
+from services.mapper.whole_run import refined_poses
 from shared.geometry import SE3
 from shared.messaging.messages import LidarScan, MapStatus, Odometry
 from shared.runtime.config import MapperConfig
-
-_NUM_WARM_UP = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,20 +52,32 @@ def read_job(arguments: list[str]) -> Job:
     return Job(scans, _config(method, scan_to, float(arguments[2])), guesses, "refine" in options)
 
 
-def run(job: Job, num_scans: int | None = None) -> Mapper:
-    """Maps all scans, or the first few without a word."""
+def run(job: Job) -> None:
+    """Maps all scans, a line each; then refines if asked to, which is a line more."""
     mapper = Mapper(job.config, time.perf_counter_ns, prior=_prior(job))
-    for scan in job.scans[:num_scans]:
+    poses, is_tracked, kept = list[SE3](), list[bool](), list[Points]()
+    for scan in job.scans:
         started, cpu_started = time.perf_counter(), time.process_time()
         said = mapper.add_scan(scan, 0)
         ms, cpu_ms = 1e3 * (time.perf_counter() - started), 1e3 * (time.process_time() - cpu_started)
-        if num_scans is None:
-            odometry = next((m for m in said if isinstance(m, Odometry)), None)
-            status = next(m for m in said if isinstance(m, MapStatus))
-            pose = SE3.identity() if odometry is None else SE3.from_xyz_quat_xyzw(odometry.T_frame_child)
-            line = {"ms": ms, "cpu_ms": cpu_ms, "pose": pose.matrix.ravel().tolist()}
-            print(json.dumps({**line, "is_lost": not status.is_tracking}))
-    return mapper
+        odometry = next((m for m in said if isinstance(m, Odometry)), None)
+        poses.append(SE3.identity() if odometry is None else SE3.from_xyz_quat_xyzw(odometry.T_frame_child))
+        is_tracked.append(next(m for m in said if isinstance(m, MapStatus)).is_tracking)
+        if job.is_refined:
+            kept.append(mapper.last_points_m)
+        _say(ms=ms, cpu_ms=cpu_ms, pose=_row_major(poses[-1]), is_lost=not is_tracked[-1])
+    if job.is_refined:
+        cpu_started = time.process_time()
+        refined = refined_poses(kept, poses, is_tracked, mapper.target.matcher, job.config)
+        _say(refine_ms=1e3 * (time.process_time() - cpu_started), refined=[_row_major(pose) for pose in refined])
+
+
+def _say(**line: object) -> None:
+    print(json.dumps(line))
+
+
+def _row_major(pose: SE3) -> list[float]:
+    return [float(value) for value in pose.matrix.ravel()]
 
 
 def _config(method: str, scan_to: str, voxel_m: float) -> MapperConfig:
@@ -98,11 +111,11 @@ def _prior(job: Job) -> Prior | None:
 
 
 def main() -> None:
-    """Runs the job twice: a few scans for nothing, then all."""
+    """Warms up, runs the job, and says how much memory that took."""
     job = read_job(sys.argv[1:])
-    run(job, _NUM_WARM_UP)
+    warm_up(job.config, is_refining=job.is_refined)
     run(job)
-    print(json.dumps({"peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}))
+    _say(peak_rss_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 
 
 if __name__ == "__main__":
