@@ -16,6 +16,8 @@ from services.evaluator.map_accuracy import num_points_off_planes
 from services.mapper.mapper import Mapper
 from services.mapper.node import load_mapper
 from services.mapper.priors.interface import Prior
+from services.mapper.warming import warm_up
+from services.mapper.whole_run import map_of, refined_poses
 from shared.geometry import SE3
 from shared.messaging.messages import (
     CameraInfo,
@@ -69,17 +71,28 @@ def map_scans(
 ) -> MapRun:
     """Maps every scan of a source, in one process and without a bus.
 
-    prior: instead of the configured one. is_refining: afterwards all poses and planes are estimated together.
+    prior: instead of the configured one. is_refining: afterwards all poses and planes are estimated together, for which
+    the scans are kept in memory, a quarter of a megabyte each at 512x128.
     """
     mapper = load_mapper(config.mapper, time.perf_counter_ns, prior=prior)
+    if is_refining:
+        warm_up(config.mapper, is_refining=True)
     run = MapRun()
+    kept: list[NDArray[np.floating]] = []
     for message in source.messages(warn):
         said = _fed(mapper, message)
         for answer in said:
             _note(run, answer, source)
         if isinstance(message, LidarScan | DepthImage) and said:
+            if is_refining:
+                kept.append(mapper.last_points_m)
             on_scan(mapper, said)
     run.map_points_m, run.planes = mapper.target.points_m, mapper.map_planes()
+    if is_refining and any(run.is_tracked):
+        started_ns = time.perf_counter_ns()
+        run.poses = refined_poses(kept, run.poses, run.is_tracked, mapper.target.matcher, config.mapper)
+        run.refine_ms = (time.perf_counter_ns() - started_ns) / 1e6
+        run.map_points_m = map_of(kept, run.poses, run.is_tracked, config.mapper)
     return run
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from services.recorder.recording import Recording
 from shared.cloud_files import read_cloud, scan_files, unit_warning
@@ -24,8 +23,8 @@ from shared.messaging.channels import (
     Channel,
 )
 from shared.messaging.messages import LidarScan, MapStatus, Message
+from shared.messaging.scans import scan_of
 
-_FRAME = "lidar"
 _MIN_POINTS = 3
 Warn = Callable[[str], None]
 
@@ -95,26 +94,15 @@ class FolderScans:
         except (CloudFileError, InputFileError) as error:
             warn(f"{error}; left out")
             return None
-        is_point: NDArray[np.bool_] = np.all(np.isfinite(cloud.points_m), axis=1)
-        points_m = cloud.points_m[is_point]
-        num = len(points_m)
-        problem = unit_warning(points_m)
-        if num < _MIN_POINTS:
-            problem = f"has {num} points, and {len(is_point) - num} that are not numbers"
+        num_points = int(np.all(np.isfinite(cloud.points_m), axis=1).sum())
+        problem = unit_warning(cloud.points_m)
+        if num_points < _MIN_POINTS:
+            problem = f"has {num_points} points, and {len(cloud.points_m) - num_points} that are not numbers"
         if problem is not None:
             warn(f"{path}: {problem}")
-        t_ns = np.zeros(num, dtype=np.uint32)
-        if self._period_ns is not None and cloud.t_ns is not None:
-            t_ns = cloud.t_ns[is_point].astype(np.uint32)
-        return LidarScan(
-            stamp_ns=number * (self._period_ns or 10**9),
-            seq=number,
-            frame=_FRAME,
-            points_m=points_m.astype(np.float32),
-            intensity=np.zeros(num, dtype=np.float32),
-            t_ns=t_ns,
-            ring=np.zeros(num, dtype=np.uint16),
-        )
+        stamp_ns = number * (self._period_ns or 10**9)
+        t_ns = None if self._period_ns is None else cloud.t_ns
+        return scan_of(cloud.points_m, stamp_ns, number, t_ns=t_ns)
 
 
 _WITH_ALL = (ROBOT_DESCRIPTION, JOINTS_STATE, LEG_STATE)

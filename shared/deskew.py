@@ -10,7 +10,7 @@ from shared.messaging.messages import LidarScan
 from shared.motion import Motion
 
 _NUM_STEPS = 128
-"""A scan's time is divided into so many steps, within which the sensor moves evenly: 0.8 ms of a revolution at 10 Hz."""
+"""A scan's time is divided into so many steps, in which the sensor moves evenly: 0.8 ms of a revolution at 10 Hz."""
 
 Float = NDArray[np.float64]
 

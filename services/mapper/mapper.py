@@ -42,14 +42,14 @@ class Mapper:
     """Online odometry and mapping with one sensor; the map frame is the sensor's frame at the first usable scan.
 
     When stamps go back, the run was started again: it goes on where the map began, or, if the scan does not fit there,
-    with a new map. clock_ns: monotonic, only to say how long a scan took. prior: instead of the configured one.
-    loaded_map_m: points (N, 3) of a map to begin with, whose frame is then the map's.
+    with a new map. clock_ns: monotonic, only to say how long a scan took; by default it says 0. prior: instead of the
+    configured one. loaded_map_m: points (N, 3) of a map to begin with, whose frame is then the map's.
     """
 
     def __init__(
         self,
         config: MapperConfig,
-        clock_ns: Callable[[], int],
+        clock_ns: Callable[[], int] = lambda: 0,
         *,
         prior: Prior | None = None,
         loaded_map_m: NDArray[np.float64] | None = None,
@@ -91,7 +91,7 @@ class Mapper:
 
     # ---- what is mapped
 
-    def add_scan(self, scan: LidarScan, received_ns: int) -> list[Message]:
+    def add_scan(self, scan: LidarScan, received_ns: int = 0) -> list[Message]:
         """Registers a scan and takes it into the map.
 
         received_ns: when the scan was received, on the clock of `clock_ns`. Returns a status, odometry once there is a
@@ -107,7 +107,7 @@ class Mapper:
         self._camera = info
         return []
 
-    def add_image(self, image: DepthImage, received_ns: int) -> list[Message]:
+    def add_image(self, image: DepthImage, received_ns: int = 0) -> list[Message]:
         """Registers a depth image as a scan; nothing follows before the camera is known. See `add_scan`."""
         camera = self._camera
         if camera is None:
@@ -151,7 +151,7 @@ class Mapper:
         motion = self._motion.during(scan.stamp_ns, scan.stamp_ns + int(scan.t_ns.max()))
         return scan.points_m if motion is None else deskewed(scan, motion)
 
-    def _add(self, points_m: Points, seq: int, frame: str, started_ns: int, received_ns: int) -> list[Message]:
+    def _add(self, points_m: Points, seq: int, frame: str, started_ns: int, received_ns: int = 0) -> list[Message]:
         self._scans.add(seq)
         filtered = self._filter.filtered(points_m, self._motion.body_mask(points_m, self._stamp_ns))
         self.last_points_m = filtered.points_m

@@ -27,9 +27,7 @@ class Reports:
         said = [*self._tracking(status, track), *self._degeneracy(status)]
         if slip is not None:
             distance_mm, angle_deg = slip.distance_m * 1000, math.degrees(slip.angle_rad)
-            text = (
-                f"a foot slipped: legs and scans differ by {distance_mm:.0f} mm, {angle_deg:.1f} deg in a second"
-            )
+            text = f"a foot slipped: legs and scans differ by {distance_mm:.0f} mm, {angle_deg:.1f} deg in a second"
             said.append((Severity.WARNING, text))
         return [
             Event(stamp_ns=status.stamp_ns, seq=0, frame="", source="mapper", severity=severity, text=text)

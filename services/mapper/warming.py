@@ -6,23 +6,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.mapper.mapper import Mapper
+from services.mapper.whole_run import refined_poses
 from shared.geometry import SE3
-from shared.messaging.messages import CameraInfo, DepthImage, LidarScan
+from shared.messaging.messages import CameraInfo, DepthImage
+from shared.messaging.scans import scan_of
 from shared.runtime.config import MapperConfig
 
 _STEP = SE3.exp([0.05, 0.02, 0.01, 0.01, 0.02, 0.05])
 _SIZE_PX = 64
 
 
-def warm_up(config: MapperConfig) -> None:
-    """Maps a few scans and an image of a room with a mapper of these settings."""
+def warm_up(config: MapperConfig, *, is_refining: bool = False) -> None:
+    """Maps a few scans and an image of a room with a mapper of these settings; is_refining: then refines the run."""
     ranges = {"min_range_m": 0.1, "max_range_m": 20.0, "crop_m": None, "map_file": None}
-    mapper = Mapper(config.model_copy(update=ranges), lambda: 0)
+    mapper = Mapper(config.model_copy(update=ranges))
     pose = SE3.identity()
+    scans, poses = [], []
     for k in range(4):
-        mapper.add_scan(_scan(k, pose.inv().apply(_room(k))), received_ns=0)
+        points_m = pose.inv().apply(_room(k))
+        mapper.add_scan(scan_of(points_m, k * 10**8, k, t_ns=np.arange(len(points_m)) % 1000))
+        scans.append(mapper.last_points_m)
+        poses.append(pose)
         pose = pose @ _STEP
     mapper.map_planes()
+    if is_refining:
+        refined_poses(scans, poses, [True] * len(poses), mapper.target.matcher, config)
     centre_px = (_SIZE_PX - 1) / 2
     mapper.set_camera(
         CameraInfo(
@@ -39,7 +47,7 @@ def warm_up(config: MapperConfig) -> None:
     )
     depth_mm = np.full(_SIZE_PX**2, 1500, dtype=np.uint16)
     image = DepthImage(stamp_ns=10**9, seq=0, frame="depth_optical", height=_SIZE_PX, width=_SIZE_PX, depth_mm=depth_mm)
-    mapper.add_image(image, received_ns=0)
+    mapper.add_image(image)
 
 
 def _room(seed: int) -> NDArray[np.float32]:
@@ -56,16 +64,3 @@ def _room(seed: int) -> NDArray[np.float32]:
         np.float32
     )
     return points
-
-
-def _scan(k: int, points_m: NDArray[np.floating]) -> LidarScan:
-    num = len(points_m)
-    return LidarScan(
-        stamp_ns=k * 10**8,
-        seq=k,
-        frame="lidar",
-        points_m=points_m.astype(np.float32),
-        intensity=np.zeros(num, dtype=np.float32),
-        t_ns=(np.arange(num) % 1000).astype(np.uint32),
-        ring=np.zeros(num, dtype=np.uint16),
-    )

@@ -65,6 +65,12 @@ class PlaneMatcher:
         self.stages = [0] * 6
 
     @property
+    def patch_map(self) -> PatchMap:
+        """The map itself, which changes with every accepted scan."""
+        assert self._map is not None, "start the matcher first"
+        return self._map
+
+    @property
     def patches(self) -> Patches:
         """The patches as they are now."""
         assert self._map is not None, "start the matcher first"
