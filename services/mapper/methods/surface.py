@@ -20,6 +20,15 @@ from shared.kernel import kernel
 NUM_NEIGHBOURS = 10
 """From which a point's local shape is estimated, as small_gicp's own preprocessing does."""
 
+_NUM_ROUGHNESS_POINTS = 1000
+_TOLERANCE_ROUGHNESS = 2.0
+"""Inliers count half that are off by so many times what neighbours in the target are off each other.
+
+With range noise of 8 mm and 5 cm voxels that is 20 mm: good registrations have 6-8 mm, those slipped by 2, 5, 10 cm
+have 11-13, 23-30, 28-50 mm. With 30 mm of noise it is 40 mm, and good registrations have 13-16 mm.
+"""
+_MIN_TOLERANCE_M, _MAX_TOLERANCE_M = 0.01, 0.05
+
 Float = NDArray[np.float64]
 
 
@@ -41,6 +50,9 @@ class Surface:
         self.tree = small_gicp.KdTree(self.cloud, num_threads)
         small_gicp.estimate_normals_covariances(self.cloud, self.tree, NUM_NEIGHBOURS, num_threads)
         self.normals: Float = np.ascontiguousarray(self.cloud.normals()[:, :3])
+        self._tolerance_m = float(
+            np.clip(_TOLERANCE_ROUGHNESS * self._roughness_m(), _MIN_TOLERANCE_M, _MAX_TOLERANCE_M)
+        )
 
     def distances(self, points_map_m: Points) -> Float:
         """Distance (N,) in metres from each point (N, 3) in the map frame to the nearest of the target."""
@@ -79,10 +91,17 @@ class Surface:
             num_points=len(points_lidar_m),
             num_inliers=num_inliers,
             fitness_m2=float(squares_m2[is_inlier].mean()),
-            score=surface_score(num_inliers, len(points_lidar_m), variance_m2),
+            score=surface_score(num_inliers, len(points_lidar_m), variance_m2, self._tolerance_m),
             hessian=hessian,
             sigma_m=float(np.sqrt(variance_m2)),
         )
+
+    def _roughness_m(self) -> float:
+        """Root mean square of how far points of the target lie off the plane through the nearest other one."""
+        some_m = self.points_m[:: max(1, len(self.points_m) // _NUM_ROUGHNESS_POINTS)]
+        neighbours = self.tree.batch_knn_search(some_m, 2, self._num_threads)[0][:, 1]
+        offsets_m = np.einsum("ij,ij->i", self.normals[neighbours], some_m - self.points_m[neighbours])
+        return float(np.sqrt(np.mean(offsets_m**2)))
 
     def _nearest(self, points_map_m: Points) -> tuple[NDArray[np.uint64], Float]:
         """Index and squared distance (N,) of the target point nearest to each."""
