@@ -67,7 +67,7 @@ def test_directions_at_odd_angles_fit_only_as_they_are():
 def test_a_scan_far_off_is_the_best_candidate(noise_m):
     scan = seen(steel_cloud(2, noise_m=noise_m), FAR)
     candidates = GlobalStart(steel_cloud(1, noise_m=noise_m), 0.05).candidates(scan, 5)
-    assert is_near(candidates[0].T_map_lidar, FAR, within=0.1)
+    assert is_near(candidates[0].T_map_lidar, FAR, within=0.12)
     assert candidates[0].share > 0.95
     shares = [candidate.share for candidate in candidates]
     assert shares == sorted(shares, reverse=True)
