@@ -35,7 +35,8 @@ Float = NDArray[np.float64]
 class Surface:
     """Target points (M, 3) in the map frame.
 
-    cloud: small_gicp's, with normals and local shapes (covariances). tree: its kd-tree.
+    points_m, normals (M, 3): those points, and the directions of the surfaces there, up to sign. cloud: small_gicp's, with
+    normals and local shapes (covariances). tree: its kd-tree.
 
     Raises:
         RegistrationError: fewer than MIN_POINTS points.
@@ -54,9 +55,16 @@ class Surface:
             np.clip(_TOLERANCE_ROUGHNESS * self._roughness_m(), _MIN_TOLERANCE_M, _MAX_TOLERANCE_M)
         )
 
+    def nearest(self, points_map_m: Points) -> tuple[NDArray[np.uint64], Float]:
+        """Index and squared distance (N,) of the target point nearest to each point (N, 3) in the map frame."""
+        if not len(points_map_m):
+            return np.empty(0, dtype=np.uint64), np.empty(0)
+        indices, squares_m2 = self.tree.batch_knn_search(points_map_m, 1, self._num_threads)
+        return indices[:, 0], squares_m2[:, 0]
+
     def distances(self, points_map_m: Points) -> Float:
         """Distance (N,) in metres from each point (N, 3) in the map frame to the nearest of the target."""
-        return np.sqrt(self._nearest(points_map_m)[1])
+        return np.sqrt(self.nearest(points_map_m)[1])
 
     def fit(
         self,
@@ -74,7 +82,7 @@ class Surface:
         if not len(points_lidar_m):
             return nothing_found(0, T_map_lidar)
         points_map_m = np.asarray(T_map_lidar.apply(points_lidar_m), dtype=np.float64)
-        nearest, squares_m2 = self._nearest(points_map_m)
+        nearest, squares_m2 = self.nearest(points_map_m)
         is_inlier = squares_m2 <= max_correspondence_m**2
         num_inliers = int(is_inlier.sum())
         if not num_inliers:
@@ -102,13 +110,6 @@ class Surface:
         neighbours = self.tree.batch_knn_search(some_m, 2, self._num_threads)[0][:, 1]
         offsets_m = np.einsum("ij,ij->i", self.normals[neighbours], some_m - self.points_m[neighbours])
         return float(np.sqrt(np.mean(offsets_m**2)))
-
-    def _nearest(self, points_map_m: Points) -> tuple[NDArray[np.uint64], Float]:
-        """Index and squared distance (N,) of the target point nearest to each."""
-        if not len(points_map_m):
-            return np.empty(0, dtype=np.uint64), np.empty(0)
-        indices, squares_m2 = self.tree.batch_knn_search(points_map_m, 1, self._num_threads)
-        return indices[:, 0], squares_m2[:, 0]
 
 
 @kernel()
