@@ -66,7 +66,7 @@ def test_a_run_around_a_square_closes():
     for found in closed.returns:
         assert found.later - found.earlier > 10
         step = found.T_earlier_later.inv() @ true[found.earlier].inv() @ true[found.later]
-        assert np.linalg.norm(step.translation) < 0.01
+        assert np.linalg.norm(step.translation) < 0.02
         assert found.score > CONFIG.min_score
 
 

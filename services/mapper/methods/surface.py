@@ -35,8 +35,8 @@ Float = NDArray[np.float64]
 class Surface:
     """Target points (M, 3) in the map frame.
 
-    points_m, normals (M, 3): those points, and the directions of the surfaces there, up to sign. cloud: small_gicp's, with
-    normals and local shapes (covariances). tree: its kd-tree.
+    points_m, normals (M, 3): those points, and the directions of the surfaces there, up to sign. cloud: small_gicp's,
+    with normals and local shapes (covariances). tree: its kd-tree.
 
     Raises:
         RegistrationError: fewer than MIN_POINTS points.
