@@ -78,6 +78,12 @@ def test_a_run_that_does_not_return_stays_as_it_is():
     assert closed.T_map_lidar == drifted
 
 
+def test_a_place_that_has_changed_is_no_return():
+    clouds, true = run()
+    elsewhere = np.random.default_rng(5).uniform(-2.0, 2.0, (4000, 3))
+    assert close_loops([*clouds[:-2], elsewhere, elsewhere], true, CONFIG).returns == []
+
+
 @pytest.mark.parametrize("num", [0, 1])
 def test_hardly_any_keyframes_are_no_loop(num):
     assert close_loops([np.zeros((1, 3))] * num, [SE3.identity()] * num, CONFIG).returns == []

@@ -148,10 +148,11 @@ def test_fitness_is_of_the_nearest_points_and_sigma_along_the_normals():
 
 def test_the_hessian_is_that_of_distances_to_a_plane():
     T_map_lidar = SE3.trans(1.0, 2.0, 0.0) @ SE3.rot("z", 0.4)
-    points = grid()
+    tilt = SE3.exp([0.5, 0, 0, 0.7, -0.4, 0.2])
+    points, normal = tilt.apply(grid()), tilt.rotation[:, 2]
     result = Surface(points, 1).fit(seen(points, T_map_lidar), T_map_lidar, 0.05)
-    x, y = points[:, 0] - 1.0, points[:, 1] - 2.0
-    rows = np.column_stack([0 * x, 0 * x, 0 * x + 1.0, y, -x, 0 * x])
+    arms = np.cross(points - T_map_lidar.translation, normal)
+    rows = np.column_stack([np.tile(normal, (len(points), 1)), arms])
     np.testing.assert_allclose(result.hessian, rows.T @ rows, atol=1e-6)
 
 
