@@ -11,6 +11,9 @@ import typer
 
 from cli.options import DEFAULT_CONFIG, resolved
 
+_TABLE_WIDTH = 150
+"""Of the table in letters, also where a terminal is narrower: cut figures are of no use."""
+
 
 def register(app: typer.Typer) -> None:
     """Adds the command to the top of the command tree."""
@@ -55,7 +58,7 @@ def sweep(
     rows = rows_of(runs.results())
     (folder / "results.csv").write_text(csv_text(rows), encoding="utf-8")
     (folder / "results.md").write_text(markdown_text(rows), encoding="utf-8")
-    console = Console()
+    console = Console(width=max(Console().width, _TABLE_WIDTH))
     if rows:
         console.print(terminal_table(rows))
     console.print(f"{runs.num_done} of {len(cases)} cases in {folder}", soft_wrap=True, highlight=False)
