@@ -23,7 +23,7 @@ from bench.mapping.data import made_sets
 from bench.mapping.machine import machine
 from bench.mapping.measuring import Run, RunError, run_once, timing_of
 from bench.mapping.scans import ScanSet, read_scan_set, write_npz
-from bench.mapping.scoring import score, structure_of
+from bench.mapping.scoring import num_silent, score, structure_of
 from bench.mapping.table import Row, markdown
 
 _CACHE = Path("out") / "bench" / "mapping"
@@ -94,8 +94,9 @@ def rows_of(case: Case, results: Results) -> list[Row]:
         if len(poses) != len(case.scan_set.truth):
             rows.append(Row(contender.label, problem=f"{len(poses)} poses for {len(case.scan_set.truth)} scans"))
             continue
-        figures = score(poses, case.scan_set, structure)
-        rows.append(Row(contender.label, timing_of(runs), figures, runs[0].num_lost))
+        figures, is_lost = score(poses, case.scan_set, structure), runs[0].is_lost
+        lost = (None, None) if is_lost is None else (sum(is_lost), num_silent(poses, case.scan_set.truth, is_lost))
+        rows.append(Row(contender.label, timing_of(runs), figures, *lost))
     return [*rows, *(Row(contender.label, problem=why) for contender, why in results.problems.items())]
 
 

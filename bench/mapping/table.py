@@ -9,19 +9,23 @@ from bench.mapping.measuring import Timing
 from bench.mapping.scoring import Score
 
 _HEAD = (
-    "| | ms a scan | p99 | wall | dropped at 10 / 20 Hz | ATE mm | RPE mm / deg | pairs right | says it is lost "
+    "| | ms a scan | p99 | wall | dropped at 10 / 20 Hz | ATE mm | RPE mm / deg | pairs right | says it is lost / wrong unsaid "
     "| points off 11 planes | map accuracy mm |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|"
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One contender's figures. timing: None for the true poses. problem: why there are no figures."""
+    """One contender's figures. timing: None for the true poses. problem: why there are no figures.
+
+    num_lost: scans that it says it is lost at. num_silent: wrong steps between scans of which it does not say so.
+    """
 
     label: str
     timing: Timing | None = None
     score: Score | None = None
     num_lost: int | None = None
+    num_silent: int | None = None
     problem: str = ""
 
 
@@ -43,7 +47,7 @@ def _line(row: Row, score: Score) -> str:
         _short(score.ate_mm),
         f"{_short(score.rpe_mm)} / {score.rpe_deg:.2f}",
         f"{score.num_pairs_ok} of {score.num_pairs}",
-        "" if row.num_lost is None else str(row.num_lost),
+        "" if row.num_lost is None else f"{row.num_lost} / {row.num_silent}",
         str(score.num_off_planes),
         f"{score.map_accuracy_mm:.2f}",
     ]
