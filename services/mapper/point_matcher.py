@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from services.mapper.global_start import GlobalStart
+from services.mapper.hypotheses import best_of
 from services.mapper.keyframe_map import KeyframeMap, LastScan
 from services.mapper.methods.registry import RegistrationClass
 from services.mapper.registration import (
@@ -31,6 +33,8 @@ Source: Vizzo et al., "KISS-ICP", RA-L 2023, which thins twice in this way.
 """
 _SEARCH_STRIDE = 4
 """The first guess of a wider search takes every fourth point."""
+_MAX_PLACES = 12
+"""So many places of a lattice are tried to find a scan anew."""
 
 
 class PointMatcher:
@@ -88,6 +92,27 @@ class PointMatcher:
     def surfaces(self) -> list[Surface]:
         """None: points are no planes."""
         return []
+
+    def localise(self, points_lidar_m: Points) -> RegistrationResult | None:
+        """The best place of a scan (N, 3) anywhere in the target, from no guess; None where nothing fits.
+
+        It is suspect where another place fits almost as well.
+
+        Raises:
+            RegistrationError: there is no target yet.
+        """
+        target_m = self._started().points_m
+        thinned_m = voxel_centroids(points_lidar_m, _ALIGNED_VOXELS * self._config.voxel_size_m)
+        if len(thinned_m) < MIN_POINTS:
+            return None
+        candidates = GlobalStart(target_m, self._config.voxel_size_m).candidates(points_lidar_m, _MAX_PLACES)
+        best = best_of(
+            self._method(target_m, self._config),
+            thinned_m,
+            [candidate.T_map_lidar for candidate in candidates],
+            self._config.max_correspondence_m,
+        )
+        return best if best is not None and best.score >= self._config.min_score else None
 
     def _attempts(
         self, registration: Registration, thinned_m: Points, guesses: Sequence[SE3], widening: float

@@ -73,7 +73,7 @@ class Tracker:
         return Track(T_map_sensor, True, result, axes, is_found_again)
 
     def _found_anywhere(self, points_m: Points, guesses: list[SE3]) -> tuple[RegistrationResult, bool] | None:
-        """A clear place in the whole map, as far away as the sensor can be after so many lost scans: lattices repeat."""
+        """A clear place in the whole map, not farther than so many lost scans allow: lattices repeat themselves."""
         since = self.num_lost - _LOCALISE_AFTER
         if self._config.scan_to == "scan" or since < 0 or (since > _LOCALISE_EVERY and since % _LOCALISE_EVERY):
             return None

@@ -35,17 +35,32 @@ class VoxelTable:
         Raises:
             ValueError: a point is 2^20 voxels or more from the origin; nothing was added.
         """
+        keys = self._keys_of(points_m)
+        needed = min(self._num + len(keys), self._max_voxels)
+        if needed > len(self._keys):
+            self._reserve(min(max(2 * len(self._keys), needed), self._max_voxels))
+        rows = np.empty(len(keys), dtype=np.int32)
+        self._num = _add(keys, self._slots, self._keys, self._num, rows)
+        return rows
+
+    def has(self, points_m: Points) -> NDArray[np.bool_]:
+        """Whether the voxel of each finite point (N, 3) has a number (N,).
+
+        Raises:
+            ValueError: a point is 2^20 voxels or more from the origin.
+        """
+        keys = self._keys_of(points_m)
+        is_known = np.empty(len(keys), dtype=np.bool_)
+        _find(keys, self._slots, self._keys, is_known)
+        return is_known
+
+    def _keys_of(self, points_m: Points) -> NDArray[np.int64]:
         points = np.ascontiguousarray(points_m, dtype=np.float64)
         keys = np.empty(len(points), dtype=np.int64)
         if not _number_cells(points, self._voxel_size_m, keys):
             reach_m = np.abs(points).max()
             raise ValueError(f"points reach {reach_m:.0f} m: too far for voxels of {self._voxel_size_m} m")
-        needed = min(self._num + len(points), self._max_voxels)
-        if needed > len(self._keys):
-            self._reserve(min(max(2 * len(self._keys), needed), self._max_voxels))
-        rows = np.empty(len(points), dtype=np.int32)
-        self._num = _add(keys, self._slots, self._keys, self._num, rows)
-        return rows
+        return keys
 
     def _reserve(self, capacity: int) -> None:
         """Room for `capacity` voxels, in at least twice as many slots, so that searches stay short."""
@@ -96,3 +111,12 @@ def _add(
             num += 1
         rows[i] = slots[slot]
     return num
+
+
+@kernel()
+def _find(
+    wanted: NDArray[np.int64], slots: NDArray[np.int32], keys: NDArray[np.int64], is_known: NDArray[np.bool_]
+) -> None:
+    """Fills in which keys are in the table."""
+    for i in range(len(wanted)):
+        is_known[i] = slots[_slot_of(wanted[i], slots, keys)] != _EMPTY

@@ -8,9 +8,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from services.mapper.methods.anywhere import Anywhere
 from services.mapper.methods.gicp import Gicp
 from services.mapper.methods.point_to_plane import PointToPlane
 from services.mapper.methods.point_to_point import PointToPoint
+from services.mapper.methods.two_step import TwoStep
 from services.mapper.methods.vgicp import Vgicp
 from services.mapper.registration import Points, Registration
 from shared.errors import ConfigError, InputFileError
@@ -21,8 +23,10 @@ RegistrationClass = Callable[[Points, MapperConfig], Registration]
 
 METHODS: dict[str, RegistrationClass] = {
     "gicp": Gicp,
+    "global": Anywhere,
     "point_to_plane": PointToPlane,
     "point_to_point": PointToPoint,
+    "two_step": TwoStep,
     "vgicp": Vgicp,
 }
 

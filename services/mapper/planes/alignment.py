@@ -40,6 +40,16 @@ class Counts(NamedTuple):
     num_contradicted: int
     num_points: int
 
+    @property
+    def agreement(self) -> float:
+        """Explained points as a share of those of which the map says anything: 0..1."""
+        return self.num_explained / max(self.num_explained + self.num_contradicted, 1)
+
+    @property
+    def gain(self) -> float:
+        """Explained less contradicted points as a share of all: -1..1. A look-alike of the place explains fewer."""
+        return (self.num_explained - self.num_contradicted) / max(self.num_points, 1)
+
 
 @kernel()
 def approach(runs: Runs, T: Float, target: Target, gate_m: float, stride: int, found: Association) -> Counts:

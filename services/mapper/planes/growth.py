@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from services.mapper.planes.alignment import Counts
 from services.mapper.planes.association import CONTRADICTED, UNEXPLAINED, Association, associate, room_for
 from services.mapper.planes.extraction import MAX_RADIUS_M, extract_planes
+from services.mapper.planes.order import in_order
 from services.mapper.planes.patches import PatchArrays, PatchMap
 from services.mapper.planes.noise import NUM_RANGE_BINS, sigma_by_range
 from services.mapper.planes.runs import Runs, cut_runs
@@ -111,7 +112,7 @@ def first_map(points_lidar_m: Points, T_map_lidar: Float, config: MapperConfig) 
     Raises:
         RegistrationError: the scan shows fewer than three patches of plane.
     """
-    known = config.range_noise_m
+    points_lidar_m, known = in_order(points_lidar_m), config.range_noise_m
     sigma_m = sigma_by_range(points_lidar_m) if known is None else np.full(NUM_RANGE_BINS, known)
     runs = cut_runs(points_lidar_m, sigma_m)
     patch_map = PatchMap(config.max_planes, sigma_m, float(np.median(runs.sigma_m)) if len(runs.sigma_m) else 0.0)
@@ -134,7 +135,7 @@ def map_of_scans(scans: Iterable[Points], poses: Iterable[Float], config: Mapper
             with suppress(RegistrationError):
                 patch_map, _ = first_map(points_lidar_m, T, config)
             continue
-        runs = cut_runs(points_lidar_m, patch_map.sigma_by_range_m)
+        runs = cut_runs(in_order(points_lidar_m), patch_map.sigma_by_range_m)
         found = room_for(config.max_planes, len(runs.num_points))
         associate(runs, 1, T, patch_map.narrow, patch_map.arrays.planes, found)
         take_in(patch_map, runs, T, found)

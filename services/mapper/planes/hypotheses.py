@@ -182,6 +182,6 @@ def translations(R: Float, pieces: Float, planes: Float, near_m: Float, radius_m
     largest = pieces[:_NUM_PIECES]
     num = _translations(largest[:, :3] @ R.T, largest[:, 3].copy(), planes, near_m.copy(), radius_m, out[1:])
     found = out[: num + 1]
-    is_near = np.linalg.norm(found - near_m, axis=1) <= 1.75 * radius_m
-    _, first = np.unique(np.round(found / _SAME_OFFSET_M).astype(np.int64), axis=0, return_index=True)
-    return found[[i for i in np.sort(first) if is_near[i]]]
+    found = found[np.linalg.norm(found - near_m, axis=1) <= 1.75 * radius_m]
+    _, first = np.unique(np.round((found - near_m) / _SAME_OFFSET_M), axis=0, return_index=True)
+    return found[np.sort(first)]

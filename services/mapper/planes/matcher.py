@@ -12,9 +12,11 @@ from services.mapper.planes.alignment import Counts, Target, approach, finish
 from services.mapper.planes.association import Association, associate, room_for
 from services.mapper.planes.gauss_newton import normal_sums
 from services.mapper.planes.growth import first_map, take_in
+from services.mapper.planes.noise import sigma_by_range
+from services.mapper.planes.order import in_order
 from services.mapper.planes.patches import Patches, PatchMap
 from services.mapper.planes.runs import Runs, cut_runs
-from services.mapper.planes.search import Reach, candidates, is_same_place, pieces_of
+from services.mapper.planes.search import Reach, candidates, candidates_anywhere, is_same_place, pieces_of, weakly_shifted
 from services.mapper.registration import Points, RegistrationResult
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
@@ -23,34 +25,41 @@ Float = NDArray[np.float64]
 
 _GATE_M = 0.05
 """Half the width of the narrowest face: a wider first gate takes points to the other face of a bar, and stays there."""
-_SCORE_TOLERANCE = 0.06
-"""A score so far below the usual is looked into: right ones vary by less."""
-_SHARE_OF_USUAL = 0.6
+_SEARCH_GATE_M = 0.1
+_TOLERANCE = 0.06
+"""An agreement so far below the usual is looked into: right ones vary by less."""
+_SUSPECT_TOLERANCE = 0.15
+"""Farther below, the best place is not believed: slips along a bar had lost 0.2 and more."""
+_SHARE_OF_USUAL = 0.7
+"""A place that gains so much less than usual may be a look-alike: it is compared with others."""
+_RIVAL_SHARE = 0.85
+"""Another place that gains nearly as much as the best one: look-alikes of right places had up to 0.8 of theirs."""
 _FORGETTING = 0.2
-
-
-_NUM_FOLLOWED = 10
 _SLIP_M = 0.025
-_RIVAL_MARGIN = 0.02
+"""Two poses farther apart are two answers."""
+_SEARCH_ANGLE_RAD = np.radians(80.0)
+_SEARCH_RADIUS_M = 0.3
+_MAX_POSES = 600
+_NOISE_SCANS = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Candidate:
-    """A pose (3, 4), and its score."""
+    """A pose (3, 4), and the points that agree with the map there."""
 
-    score: float
     T: Float
+    counts: Counts
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Found:
     """A scan that was aligned, until it is accepted or another comes."""
 
+    points_m: Points
     runs: Runs
     association: Association
     T: Float
-    score: float
-    share: float
+    counts: Counts
 
 
 class PlaneMatcher:
@@ -61,8 +70,13 @@ class PlaneMatcher:
         self._map: PatchMap | None = None
         self._found: _Found | None = None
         self._num_scans = 0
-        self._usual_score = self._usual_share = 0.0
-        self.stages = [0] * 6
+        self._usual_agreement = self._usual_gain = 0.0
+
+    @property
+    def patch_map(self) -> PatchMap:
+        """The map itself, as whole-run refinement takes it."""
+        assert self._map is not None, "start the matcher first"
+        return self._map
 
     @property
     def patch_map(self) -> PatchMap:
@@ -73,8 +87,7 @@ class PlaneMatcher:
     @property
     def patches(self) -> Patches:
         """The patches as they are now."""
-        assert self._map is not None, "start the matcher first"
-        return self._map.snapshot
+        return self.patch_map.snapshot
 
     def start(self, points_lidar_m: Points, T_map_lidar: SE3) -> None:
         """Begins an empty map with this scan, which is where it is said to be.
@@ -82,99 +95,130 @@ class PlaneMatcher:
         Raises:
             RegistrationError: the scan shows fewer than three patches of plane.
         """
-        self._map, counts = first_map(points_lidar_m, _pose_array(T_map_lidar), self._config)
-        self._usual_share = counts.num_explained / max(counts.num_points, 1)
-        self._usual_score = _explained_share(counts) - 0.5 * _SCORE_TOLERANCE
+        self._map, counts = first_map(points_lidar_m, _rows(T_map_lidar), self._config)
+        self._found = None
+        self._usual_gain = counts.gain
+        self._usual_agreement = counts.agreement - 0.5 * _TOLERANCE
         self._num_scans = 1
 
     def align(self, points_lidar_m: Points, guesses: Sequence[SE3], widening: float) -> RegistrationResult:
         """The best place of a scan near the guesses of T_map_lidar, the most likely first; searches wider as needed."""
-        assert self._map is not None, "start the matcher first"
-        runs = cut_runs(points_lidar_m, self._map.sigma_by_range_m)
-        association = room_for(self._config.max_planes, len(runs.num_points))
-        target = self._target()
-        poses = [_pose_array(guess) for guess in guesses]
-        best = self._follow(runs, poses[0], _GATE_M, association)
-        is_suspect = False
-        if best.score < self._usual_score - _SCORE_TOLERANCE:
-            best, is_suspect = self._searched(runs, poses, widening, best, association)
-        T = best.T.copy()
-        counts, step = finish(runs, T, target, association)
-        self._found = _Found(runs, association, T, self._score(counts), counts.num_explained / max(counts.num_points, 1))
-        return self._result(step, is_suspect)
-
-    def _follow(self, runs: Runs, T: Float, gate_m: float, association: Association) -> _Candidate:
-        T = T.copy()
-        return _Candidate(self._score(approach(runs, T, self._target(), gate_m, 1, association)), T)
-
-    def _searched(
-        self, runs: Runs, guesses: list[Float], widening: float, first: _Candidate, association: Association
-    ) -> tuple[_Candidate, bool]:
-        """The best candidate near the guesses, and whether another place is about as good."""
-        assert self._map is not None
-        self.stages[1] += 1
-        good = self._usual_score - _SCORE_TOLERANCE
-        pieces = pieces_of(runs, self._map.voxel_m)
-        reach = Reach(np.radians(80.0) * widening, 0.3 * widening, 600)
-        found = candidates(runs, pieces, guesses, reach, self._target(), self._map.num_patches, _NUM_FOLLOWED)
-        followed = [first]
-        for T in found:
-            followed.append(self._follow(runs, T, 2.0 * _GATE_M, association))
-            if followed[-1].score > good:
-                break
-        best = max(followed, key=lambda candidate: candidate.score)
-        rivals = [c.score for c in followed if not is_same_place(c.T, best.T, _SLIP_M)]
-        return best, max(rivals, default=0.0) > best.score - _RIVAL_MARGIN
+        runs, association = self._prepared(points_lidar_m)
+        poses = [_rows(guess) for guess in guesses]
+        best, is_suspect = self._follow(runs, poses[0], _GATE_M, association), False
+        if not self._is_as_usual(best.counts):
+            pieces = pieces_of(runs, self.patch_map.voxel_m)
+            reach = Reach(_SEARCH_ANGLE_RAD * widening, _SEARCH_RADIUS_M * widening, _MAX_POSES)
+            found = candidates(runs, pieces, poses, reach, self._target, self.patch_map.num_patches)
+            best, is_suspect = self._best_of([best], found, runs, association)
+        return self._finished(points_lidar_m, runs, best, is_suspect, association)
 
     def accept(self, T_map_lidar: SE3) -> None:
         """The scan aligned last was here: takes what it shows into the map."""
-        assert self._map is not None and self._found is not None, "align a scan first"
-        found, T = self._found, _pose_array(T_map_lidar)
+        assert self._found is not None, "align a scan first"
+        found, T = self._found, _rows(T_map_lidar)
+        if self._config.scan_to == "scan":
+            self.start(found.points_m, T_map_lidar)
+            return
         self._found = None
-        patches = self._map.arrays.planes
-        if not np.allclose(T, found.T, rtol=0.0, atol=1e-6):
-            associate(found.runs, 1, T, self._map.narrow, patches, found.association)
-        take_in(self._map, found.runs, T, found.association)
-        self._usual_score += _FORGETTING * (found.score - self._usual_score)
-        self._usual_share += _FORGETTING * (found.share - self._usual_share)
-        self._num_scans += 1
+        if np.abs(T - found.T).max() > 1e-6:
+            associate(found.runs, 1, T, self.patch_map.narrow, self.patch_map.arrays.planes, found.association)
+        take_in(self.patch_map, found.runs, T, found.association)
+        self._learn(found)
 
     def localise(self, points_lidar_m: Points) -> RegistrationResult | None:
         """The best place of a scan anywhere in the map, from no guess; None where nothing fits."""
-        return None
+        runs, association = self._prepared(points_lidar_m)
+        pieces = pieces_of(runs, self.patch_map.voxel_m)
+        found = candidates_anywhere(runs, pieces, self._target, self.patch_map.num_patches)
+        best, is_suspect = self._best_of([], found, runs, association)
+        if best.counts.agreement < self._config.min_score:
+            return None
+        return self._finished(points_lidar_m, runs, best, is_suspect, association)
 
+    @property
     def _target(self) -> Target:
-        assert self._map is not None
-        return Target(self._map.narrow, self._map.wide, self._map.arrays)
+        return Target(self.patch_map.narrow, self.patch_map.wide, self.patch_map.arrays)
 
-    def _score(self, counts: Counts) -> float:
-        share = counts.num_explained / max(counts.num_points, 1)
-        return _explained_share(counts) - 2.0 * max(0.0, _SHARE_OF_USUAL * self._usual_share - share)
-
-    def _result(self, step: float, is_suspect: bool) -> RegistrationResult:
-        assert self._found is not None and self._map is not None
-        found, H = self._found, np.empty((6, 6))
-        squares_m2, num = normal_sums(found.T, found.association, self._map.arrays.planes, H)
-        turn = np.zeros((6, 6))
-        turn[:3, :3] = turn[3:, 3:] = found.T[:, :3]
-        num_points = int(found.runs.num_points.sum())
-        return RegistrationResult(
-            T_map_lidar=SE3.projected(np.vstack([found.T, [0.0, 0.0, 0.0, 1.0]])),
-            is_converged=step < 1e-4,
-            num_iterations=1,
-            num_points=num_points,
-            num_inliers=num,
-            fitness_m2=squares_m2 / num if num else None,
-            score=min(max(found.score, 0.0), 1.0),
-            hessian=turn @ H @ turn.T,
-            is_suspect=is_suspect,
-            sigma_m=float(np.median(found.runs.sigma_m)) if num_points else None,
+    def _is_as_usual(self, counts: Counts) -> bool:
+        return (
+            counts.agreement >= self._usual_agreement - _TOLERANCE and counts.gain >= _SHARE_OF_USUAL * self._usual_gain
         )
 
+    def _prepared(self, points_lidar_m: Points) -> tuple[Runs, Association]:
+        runs = cut_runs(in_order(points_lidar_m), self.patch_map.sigma_by_range_m)
+        return runs, room_for(len(self.patch_map.arrays.planes), len(runs.num_points))
 
-def _explained_share(counts: Counts) -> float:
-    return counts.num_explained / max(counts.num_explained + counts.num_contradicted, 1)
+    def _follow(self, runs: Runs, T: Float, gate_m: float, association: Association) -> _Candidate:
+        T = T.copy()
+        return _Candidate(T, approach(runs, T, self._target, gate_m, 1, association))
+
+    def _best_of(
+        self, followed: list[_Candidate], poses: list[Float], runs: Runs, association: Association
+    ) -> tuple[_Candidate, bool]:
+        """The best of candidates and of what the poses lead to, and whether it may be wrong nevertheless."""
+        for T in poses:
+            if not any(is_same_place(T, other.T, _SLIP_M) for other in followed):
+                followed = [*followed, self._follow(runs, T, _SEARCH_GATE_M, association)]
+        if not followed:
+            return _Candidate(np.eye(3, 4), Counts(0, 0, 0)), True
+        best = max(followed, key=_gain)
+        if not self._is_as_usual(best.counts):
+            shifted = weakly_shifted(best.T, self._normal_sums(best.T, runs, association)[0])
+            followed = [*followed, *(self._follow(runs, T, _GATE_M, association) for T in shifted)]
+            best = max(followed, key=_gain)
+        rivals = [other.counts.gain for other in followed if not is_same_place(other.T, best.T, _SLIP_M)]
+        is_rivalled = max(rivals, default=-1.0) > _RIVAL_SHARE * best.counts.gain
+        return best, is_rivalled or best.counts.agreement < self._usual_agreement - _SUSPECT_TOLERANCE
+
+    def _normal_sums(self, T: Float, runs: Runs, association: Association) -> tuple[Float, float, int]:
+        """The Hessian (6, 6) along the map's axes, the sum of squared distances in m^2, the number of inliers."""
+        associate(runs, 1, T, self.patch_map.narrow, self.patch_map.arrays.planes, association)
+        return self._sums_of(T, association)
+
+    def _sums_of(self, T: Float, association: Association) -> tuple[Float, float, int]:
+        H = np.empty((6, 6))
+        squares_m2, num = normal_sums(T, association, self.patch_map.arrays.planes, H)
+        turn = np.zeros((6, 6))
+        turn[:3, :3] = turn[3:, 3:] = T[:, :3]
+        return turn @ H @ turn.T, squares_m2, num
+
+    def _finished(
+        self, points_m: Points, runs: Runs, best: _Candidate, is_suspect: bool, association: Association
+    ) -> RegistrationResult:
+        """The result at the best candidate, moved by all points; kept until it is accepted."""
+        T = best.T.copy()
+        counts, step = finish(runs, T, self._target, association)
+        self._found = _Found(points_m, runs, association, T, counts)
+        hessian, squares_m2, num = self._sums_of(T, association)
+        return RegistrationResult(
+            T_map_lidar=SE3.projected(np.vstack([T, [0.0, 0.0, 0.0, 1.0]])),
+            is_converged=step < 1e-4,
+            num_iterations=1,
+            num_points=len(points_m),
+            num_inliers=num,
+            fitness_m2=squares_m2 / num if num else None,
+            score=counts.agreement,
+            hessian=hessian,
+            is_suspect=is_suspect,
+            sigma_m=float(np.median(runs.sigma_m)) if len(runs.sigma_m) else None,
+        )
+
+    def _learn(self, found: _Found) -> None:
+        """What is usual, from a scan that was accepted; of its noise, in the 2nd, 4th, 8th ... scan."""
+        self._usual_agreement += _FORGETTING * (found.counts.agreement - self._usual_agreement)
+        self._usual_gain += _FORGETTING * (found.counts.gain - self._usual_gain)
+        n = self._num_scans
+        self._num_scans += 1
+        if self._config.range_noise_m is None and n <= _NOISE_SCANS and n & (n - 1) == 0:
+            known = self.patch_map.sigma_by_range_m
+            known[:] = np.sqrt((n * known**2 + sigma_by_range(in_order(found.points_m)) ** 2) / (n + 1))
 
 
-def _pose_array(T: SE3) -> Float:
-    return np.ascontiguousarray(np.column_stack([T.rotation, T.translation]))
+def _gain(candidate: _Candidate) -> float:
+    return candidate.counts.gain
+
+
+def _rows(T: SE3) -> Float:
+    """The pose as (3, 4)."""
+    return np.ascontiguousarray(T.matrix[:3])

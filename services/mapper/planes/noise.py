@@ -16,8 +16,9 @@ from shared.kernel import kernel
 
 Float = NDArray[np.float64]
 
-NUM_RANGE_BINS = 20
-_FIRST_BIN_M = 0.25
+NUM_RANGE_BINS = 400
+RANGE_BIN_M = 0.25
+"""Noise is kept by ranges of so much; beyond the last, 100 m, it stays."""
 _BINS_AN_OCTAVE = 2
 _MAX_ANGLE_RAD = 0.06
 """Farther apart, two rays seldom meet the same face of a bar."""
@@ -35,14 +36,12 @@ _MIN_SIGMA_M = 0.001
 
 @kernel()
 def range_bin(range_m: float) -> int:
-    """The bin of a range: half an octave each, from 0.25 m on."""
-    if range_m <= _FIRST_BIN_M:
-        return 0
-    return min(int(_BINS_AN_OCTAVE * math.log2(range_m / _FIRST_BIN_M)), NUM_RANGE_BINS - 1)
+    """Where in a table of NUM_RANGE_BINS a range is."""
+    return min(int(range_m * (1.0 / RANGE_BIN_M)), NUM_RANGE_BINS - 1)
 
 
 @kernel()
-def _range_and_angle(points_m: Float, i: int, j: int) -> tuple[float, float]:
+def _range_and_angle(points_m: NDArray[np.floating], i: int, j: int) -> tuple[float, float]:
     """The range of point j, and the angle between the rays of i and j."""
     ax, ay, az = float(points_m[i, 0]), float(points_m[i, 1]), float(points_m[i, 2])
     bx, by, bz = float(points_m[j, 0]), float(points_m[j, 1]), float(points_m[j, 2])
@@ -53,10 +52,10 @@ def _range_and_angle(points_m: Float, i: int, j: int) -> tuple[float, float]:
 
 
 @kernel()
-def range_residuals(points_m: Float, residuals_m: Float, bins: NDArray[np.int64]) -> int:
+def range_residuals(points_m: NDArray[np.floating], residuals_m: Float, ranges_m: Float) -> int:
     """Writes what each three successive points (N, 3) say of the noise of a range; returns how many could be used.
 
-    residuals_m (N,): of the standard deviation of a range, where the three are on a plane. bins (N,): of their range.
+    residuals_m (N,): of the standard deviation of a range, where the three are on a plane. ranges_m (N,): of the middle ones.
     """
     num = 0
     for i in range(1, len(points_m) - 1):
@@ -70,7 +69,7 @@ def range_residuals(points_m: Float, residuals_m: Float, bins: NDArray[np.int64]
         a, b, c = math.sin(B), math.sin(A), math.sin(A + B)
         left_over = a / r1 + b / r3 - c / r2
         spread = math.sqrt((a / (r1 * r1)) ** 2 + (b / (r3 * r3)) ** 2 + (c / (r2 * r2)) ** 2)
-        residuals_m[num], bins[num] = left_over / spread, range_bin(r2)
+        residuals_m[num], ranges_m[num] = abs(left_over) / spread, r2
         num += 1
     return num
 
@@ -78,20 +77,24 @@ def range_residuals(points_m: Float, residuals_m: Float, bins: NDArray[np.int64]
 def sigma_by_range(points_lidar_m: NDArray[np.floating]) -> Float:
     """Standard deviation of a range (NUM_RANGE_BINS,) in metres, from a scan (N, 3) in the order of measurement.
 
-    Bins that tell too little take over what the nearest ones say; a scan that tells nothing gives DEFAULT_SIGMA_M.
+    Ranges of which it tells too little take over what the nearest ones say; a scan that tells nothing gives
+    DEFAULT_SIGMA_M.
     """
-    residuals_m, bins = np.empty(len(points_lidar_m)), np.empty(len(points_lidar_m), dtype=np.int64)
-    num = range_residuals(points_lidar_m, residuals_m, bins)
-    residuals_m, bins = np.abs(residuals_m[:num]), bins[:num]
-    known, sigmas = [], []
-    for i in range(NUM_RANGE_BINS):
-        of_bin = residuals_m[bins == i]
-        if len(of_bin) >= _MIN_TRIPLES:
-            known.append(i)
-            sigmas.append(robust_sigma(of_bin))
-    if not known:
+    residuals_m, ranges_m = np.empty(len(points_lidar_m)), np.empty(len(points_lidar_m))
+    num = range_residuals(points_lidar_m, residuals_m, ranges_m)
+    residuals_m, ranges_m = residuals_m[:num], ranges_m[:num]
+    octaves = np.floor(_BINS_AN_OCTAVE * np.log2(np.maximum(ranges_m, RANGE_BIN_M)))
+    known_m, sigmas_m = [], []
+    for octave in np.unique(octaves):
+        is_of_octave = octaves == octave
+        if is_of_octave.sum() >= _MIN_TRIPLES:
+            known_m.append(float(np.median(ranges_m[is_of_octave])))
+            sigmas_m.append(robust_sigma(residuals_m[is_of_octave]))
+    if not known_m:
         return np.full(NUM_RANGE_BINS, DEFAULT_SIGMA_M)
-    return np.maximum(np.interp(np.arange(NUM_RANGE_BINS), known, sigmas), _MIN_SIGMA_M)
+    centres_m = RANGE_BIN_M * (np.arange(NUM_RANGE_BINS) + 0.5)
+    sigma_m: Float = np.maximum(np.interp(centres_m, known_m, sigmas_m), _MIN_SIGMA_M)
+    return sigma_m
 
 
 def robust_sigma(magnitudes: Float) -> float:

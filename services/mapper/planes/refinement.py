@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from services.mapper.planes.association import associate, room_for
 from services.mapper.planes.bundle import Blocks, Equations, eliminate_poses, empty_equations, linearise, substitute
 from services.mapper.planes.gauss_newton import factorise, solve_factorised
+from services.mapper.planes.order import in_order
 from services.mapper.planes.patches import PatchMap
 from services.mapper.planes.runs import cut_runs
 from services.mapper.registration import Points
@@ -63,7 +64,7 @@ def condensed(scans: Iterable[Points], T: Float, planes: Float, patch_map: Patch
     scan_of, patch_of, moments, num_points = [], [], [], []
     found = room_for(len(planes), 0)
     for i, points_m in enumerate(scans):
-        runs = cut_runs(points_m, patch_map.sigma_by_range_m)
+        runs = cut_runs(in_order(points_m), patch_map.sigma_by_range_m)
         found = found._replace(assigned=np.empty(len(runs.num_points), np.int32))
         associate(runs, 1, T[i], patch_map.narrow, planes, found)
         touched = np.sort(found.touched[: found.num_touched[0]])

@@ -19,6 +19,11 @@ Float = NDArray[np.float64]
 _ROUGH_GATE_M = 0.12
 _NUM_ROUGH_RUNS = 120
 _MAX_PIECES = 60
+_MAX_CANDIDATES = 12
+_NUM_WEAK = 2
+_SHIFTS_M = (-0.12, -0.08, -0.04, 0.04, 0.08, 0.12)
+"""Lengths of the slips that were met: within half a bar's width."""
+_MAX_POSES_ANYWHERE = 2000
 _APART_M = 0.06
 _APART_RAD = 0.06
 
@@ -67,21 +72,39 @@ def ratings(runs: Runs, poses: Float, target: Target) -> Float:
 
 
 def candidates(
-    runs: Runs, pieces: Pieces, guesses: list[Float], reach: Reach, target: Target, num_patches: int, max_num: int
+    runs: Runs, pieces: Pieces, guesses: list[Float], reach: Reach, target: Target, num_patches: int
 ) -> list[Float]:
-    """Poses (3, 4) near guesses that fit roughly, the best first, each well apart from the ones before."""
-    known = target.patches.planes[:num_patches]
-    turns = rotations(
-        pieces.planes[:, :3], pieces.num_points, known[:, :3], target.patches.num_points[:num_patches] + 1.0
-    )
-    poses = [guess[np.newaxis] for guess in guesses]
+    """Poses (3, 4) near guesses (3, 4) that fit roughly, the best first, each well apart from the ones before."""
+    known, turns = _known_planes(target, num_patches), _rotations(pieces, target, num_patches)
+    poses = [np.stack(guesses)]
     for guess in guesses:
-        poses += [_poses(guess[:, :3], pieces, known, guess[:, 3], reach)]
-        is_near = angles_rad(turns, guess[:, :3]) <= reach.angle_rad if len(turns) else np.empty(0, bool)
-        for R in turns[is_near]:
+        is_near = angles_rad(turns, guess[:, :3]) <= reach.angle_rad
+        for R in [guess[:, :3], *turns[is_near]]:
             poses.append(_poses(R, pieces, known, guess[:, 3], reach))
-    all_poses = np.concatenate(poses)
-    return well_apart(all_poses[np.argsort(-ratings(runs, all_poses, target), kind="stable")], max_num)
+    return _best(runs, np.concatenate(poses), target)
+
+
+def candidates_anywhere(runs: Runs, pieces: Pieces, target: Target, num_patches: int) -> list[Float]:
+    """Poses (3, 4) anywhere in the map that fit roughly, the best first, each well apart from the ones before."""
+    known, turns = _known_planes(target, num_patches), _rotations(pieces, target, num_patches)
+    middle_m, reach = target.patches.origins[:num_patches].mean(axis=0), Reach(np.pi, np.inf, _MAX_POSES_ANYWHERE)
+    poses = [_poses(R, pieces, known, middle_m, reach) for R in turns]
+    return _best(runs, np.concatenate(poses), target) if poses else []
+
+
+def _known_planes(target: Target, num_patches: int) -> Float:
+    return target.patches.planes[:num_patches]
+
+
+def _rotations(pieces: Pieces, target: Target, num_patches: int) -> Float:
+    if not len(pieces.planes):
+        return np.empty((0, 3, 3))
+    weights = target.patches.num_points[:num_patches] + 1.0
+    return rotations(pieces.planes[:, :3], pieces.num_points, _known_planes(target, num_patches)[:, :3], weights)
+
+
+def _best(runs: Runs, poses: Float, target: Target) -> list[Float]:
+    return well_apart(poses[np.argsort(-ratings(runs, poses, target), kind="stable")], _MAX_CANDIDATES)
 
 
 def _poses(R: Float, pieces: Pieces, planes: Float, near_m: Float, reach: Reach) -> Float:
@@ -89,6 +112,18 @@ def _poses(R: Float, pieces: Pieces, planes: Float, near_m: Float, reach: Reach)
     poses = np.empty((len(t), 3, 4))
     poses[:, :, :3], poses[:, :, 3] = R, t
     return poses
+
+
+def weakly_shifted(T: Float, hessian: Float) -> list[Float]:
+    """The pose (3, 4), moved by a slip's length along the two directions that say least. hessian: in the map's axes."""
+    _, directions = np.linalg.eigh(hessian[:3, :3])
+    shifted = []
+    for direction in directions.T[:_NUM_WEAK]:
+        for shift_m in _SHIFTS_M:
+            moved = T.copy()
+            moved[:, 3] += shift_m * direction
+            shifted.append(moved)
+    return shifted
 
 
 def well_apart(poses: Float, max_num: int) -> list[Float]:
