@@ -24,7 +24,7 @@ from bench.mapping.machine import machine
 from bench.mapping.measuring import Run, RunError, run_once, timing_of
 from bench.mapping.scans import ScanSet, read_scan_set, write_npz
 from bench.mapping.scoring import num_silent, score, structure_of
-from bench.mapping.table import Row, markdown
+from bench.mapping.table import INTRODUCTION, Row, markdown
 
 _CACHE = Path("out") / "bench" / "mapping"
 
@@ -138,8 +138,9 @@ def _write(arguments: argparse.Namespace, about: dict[str, str], document: list[
             json.dumps({"about": about, "runs": arguments.runs, "cases": document}, indent=1) + "\n"
         )
     if arguments.markdown:
-        lines = "\n".join(f"- {name}: {value}" for name, value in about.items())
-        arguments.markdown.write_text(f"# The mapper beside its peers\n\n{lines}\n\n" + "\n".join(tables))
+        lines = "\n".join(f"- {name}: {value}" for name, value in {**about, "runs": str(arguments.runs)}.items())
+        text = f"# The mapper beside its peers\n\n{INTRODUCTION}\n{lines}\n\n" + "\n".join(tables)
+        arguments.markdown.write_text(text)
 
 
 if __name__ == "__main__":
