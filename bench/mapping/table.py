@@ -21,9 +21,9 @@ Made by `python -m bench.mapping`; all figures are measured, none are taken from
   registration and the map that it needs are. The first scan, which only begins the map, is not counted.
 - **ms a scan**: CPU time, the median of the runs' means; **p99** of it; **wall**: the same mean of wall time, with
   whatever else the machine did. **dropped**: scans missed when they arrive at that rate and the newest waits.
-- **ATE**, **RPE**: root mean squares; first poses laid together, no other alignment. **pairs right**: steps from scan to
-  scan within 5 cm and 1 degree. **lost / wrong unsaid**: scans that our mapper says it is lost at, and wrong steps
-  between scans of which it says nothing. Peers say nothing.
+- **ATE**, **RPE**: root mean squares; first poses laid together, no other alignment. **pairs right**: steps from a
+  scan to the next within 5 cm and 1 degree. **lost / wrong unsaid**: scans that our mapper says it is lost at, and
+  wrong steps between scans of which it says nothing. Peers say nothing.
 - **points off 11 planes**, **map accuracy**: of a map of 0.05 m voxels that is made of each contender's poses in the
   same way; the mean distance to the true structure. Off-plane points read 0 at centimetres of drift: look at both.
 - Scan to scan, peers begin each registration where nothing has moved, as the original system did; scan to map, KISS-ICP
