@@ -23,7 +23,7 @@ def plane_map(matcher: ScanMatcher, stamp_ns: int, seq: int, frame: str) -> Plan
             outline_m=surface.outline_m.astype(np.float32),
             colour=colour_of(surface.id),
         )
-        for surface in getattr(matcher, "surfaces", list)()
+        for surface in matcher.surfaces()
     )
     return PlaneMap(stamp_ns=stamp_ns, seq=seq, frame=frame, planes=planes)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.mapper.planes import outlines
 from services.mapper.planes.alignment import Counts, Target, approach, finish
 from services.mapper.planes.association import Association, associate, room_for
 from services.mapper.planes.gauss_newton import normal_sums
@@ -17,7 +18,7 @@ from services.mapper.planes.order import in_order
 from services.mapper.planes.patches import Patches, PatchMap
 from services.mapper.planes.runs import Runs, cut_runs
 from services.mapper.planes.search import Reach, candidates, candidates_anywhere, is_same_place, pieces_of, weakly_shifted
-from services.mapper.registration import Points, RegistrationResult
+from services.mapper.registration import Points, RegistrationResult, Surface
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
 
@@ -79,15 +80,16 @@ class PlaneMatcher:
         return self._map
 
     @property
-    def patch_map(self) -> PatchMap:
-        """The map itself, which changes with every accepted scan."""
-        assert self._map is not None, "start the matcher first"
-        return self._map
-
-    @property
     def patches(self) -> Patches:
         """The patches as they are now."""
         return self.patch_map.snapshot
+
+    def surfaces(self) -> list[Surface]:
+        """Patches that touch and lie in one plane are one surface, whose id is the lowest of theirs."""
+        if self._map is None:
+            return []
+        found = outlines.surfaces(self.patches)
+        return [Surface(each.id, each.plane, each.num_points, each.outline_m) for each in found]
 
     def start(self, points_lidar_m: Points, T_map_lidar: SE3) -> None:
         """Begins an empty map with this scan, which is where it is said to be.
