@@ -6,7 +6,7 @@ import pytest
 from services.mapper.methods.registry import METHODS
 from services.mapper.methods.surface import Surface
 from services.mapper.registration import MIN_POINTS, RegistrationError, surface_score
-from services.mapper.uncertainty import AXES, covariance, degenerate_axes
+from services.mapper.degeneracy import AXES, covariance, degenerate_axes
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
 from tests.support.steel_clouds import steel_cloud

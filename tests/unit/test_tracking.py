@@ -24,7 +24,7 @@ def corner(seed=1, num=600):
 
 def misleading():
     """The corner and a new wall in front of one of its walls: a wide search lays the known one between the two."""
-    new_wall = np.random.default_rng(3).uniform(-1, 1, (900, 3)) * [0, 1, 1] + [-0.6, 0, 0]
+    new_wall = np.random.default_rng(3).uniform(-1, 1, (500, 3)) * [0, 1, 1] + [-0.6, 0, 0]
     return np.vstack([corner(seed=2), new_wall])
 
 
@@ -61,6 +61,7 @@ def test_a_blind_scan_stays_where_it_was_predicted():
 
 def test_what_a_scan_leaves_open_is_held_by_the_prediction():
     wall = corner()[:600]
+    wall = wall[(np.abs(wall[:, 1:]) < 0.8).all(axis=1)]
     run = Run()
     track = run.show(wall, SE3.trans(y_m=0.03, z_m=-0.02))
     assert track.is_tracking
