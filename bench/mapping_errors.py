@@ -20,7 +20,7 @@ from bench.mapping.contenders import CONTENDERS, Contender, Launcher
 from bench.mapping.machine import machine
 from bench.mapping.measuring import Run, RunError, run_once, timing_of
 from bench.mapping.scans import ScanSet, read_scan_set, write_npz
-from bench.mapping.scoring import num_pairs_ok
+from bench.mapping.scoring import num_pairs_ok, num_silent
 from services.evaluator.trajectory_error import compare_trajectories
 from shared.runtime.config import CONFIGS_DIR
 
@@ -81,6 +81,7 @@ class Row:
     rpe_mm: float | None = None
     num_pairs_ok: int | None = None
     num_lost: int | None = None
+    num_silent: int | None = None
     ms_p50: float | None = None
     ms_p99: float | None = None
     peak_rss_mb: float | None = None
@@ -116,7 +117,8 @@ def row_of(title: str, method: str, scan_set: ScanSet, run: Run) -> Row:
         ate_mm=1e3 * error.ate_rmse_m,
         rpe_mm=1e3 * error.rpe_rmse_m,
         num_pairs_ok=num_pairs_ok(poses, scan_set.truth),
-        num_lost=run.num_lost,
+        num_lost=sum(run.is_lost or ()),
+        num_silent=num_silent(poses, scan_set.truth, run.is_lost or (False,) * len(poses)),
         ms_p50=timing.ms_p50,
         ms_p99=timing.ms_p99,
         peak_rss_mb=run.peak_rss_mb,
@@ -126,7 +128,7 @@ def row_of(title: str, method: str, scan_set: ScanSet, run: Run) -> Row:
 def markdown(rows: list[Row]) -> str:
     """A line a case and method."""
     lines = [
-        "| | method | scans | ATE mm | RPE mm | pairs right | says it is lost | ms a scan p50 / p99 | memory MB |",
+        "| | method | scans | ATE mm | RPE mm | pairs right | lost / wrong unsaid | ms a scan p50 / p99 | memory MB |",
         "|---|---|--:|--:|--:|--:|--:|--:|--:|",
     ]
     for row in rows:
@@ -136,7 +138,7 @@ def markdown(rows: list[Row]) -> str:
             continue
         lines.append(
             f"{start} {row.ate_mm:.2f} | {row.rpe_mm:.2f} | {row.num_pairs_ok} of {row.num_scans - 1} "
-            f"| {row.num_lost} | {row.ms_p50:.2f} / {row.ms_p99:.2f} | {row.peak_rss_mb or 0:.0f} |"
+            f"| {row.num_lost} / {row.num_silent} | {row.ms_p50:.2f} / {row.ms_p99:.2f} | {row.peak_rss_mb or 0:.0f} |"
         )
     return "\n".join(lines) + "\n"
 

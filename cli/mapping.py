@@ -17,7 +17,7 @@ from services.mapper.mapper import Mapper
 from services.mapper.node import load_mapper
 from services.mapper.priors.interface import Prior
 from services.mapper.warming import warm_up
-from services.mapper.whole_run import map_of, refined_poses
+from services.mapper.whole_run import WholeRun, refined
 from shared.geometry import SE3
 from shared.messaging.messages import (
     CameraInfo,
@@ -43,7 +43,8 @@ class MapRun:
     """What mapping gave.
 
     poses: T_map_sensor of each scan, which begins with the identity; of a lost scan as predicted. is_tracked: of each.
-    statuses: one a scan. map_points_m (N, 3): in the map frame. refine_ms: what the refinement took, 0 without.
+    statuses: one a scan. map_points_m (N, 3): in the map frame. refine_ms: what the refinement took, 0 without. num_loops:
+    returns that closed one.
     """
 
     stamps_ns: list[int] = field(default_factory=list)
@@ -53,6 +54,7 @@ class MapRun:
     map_points_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
     planes: PlaneMap | None = None
     refine_ms: float = 0.0
+    num_loops: int = 0
 
     @property
     def is_tracked(self) -> list[bool]:
@@ -90,9 +92,9 @@ def map_scans(
     run.map_points_m, run.planes = mapper.target.points_m, mapper.map_planes()
     if is_refining and any(run.is_tracked):
         started_ns = time.perf_counter_ns()
-        run.poses = refined_poses(kept, run.poses, run.is_tracked, mapper.target.matcher, config.mapper)
+        whole = refined(WholeRun(kept, run.poses, run.is_tracked), mapper.target.matcher, config.mapper)
         run.refine_ms = (time.perf_counter_ns() - started_ns) / 1e6
-        run.map_points_m = map_of(kept, run.poses, run.is_tracked, config.mapper)
+        run.poses, run.num_loops, run.map_points_m = whole.poses, whole.num_loops, whole.map_points_m
     return run
 
 
@@ -121,6 +123,7 @@ def figures_of(run: MapRun, config: Config) -> dict[str, Any]:
         "degenerate_scans": sum(bool(status.degenerate_axes) for status in run.statuses),
         "planes": len(run.planes.planes) if run.planes else 0,
         "refine_ms": run.refine_ms,
+        "closed_loops": run.num_loops,
         "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
 

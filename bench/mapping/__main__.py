@@ -23,8 +23,8 @@ from bench.mapping.data import made_sets
 from bench.mapping.machine import machine
 from bench.mapping.measuring import Run, RunError, run_once, timing_of
 from bench.mapping.scans import ScanSet, read_scan_set, write_npz
-from bench.mapping.scoring import score, structure_of
-from bench.mapping.table import Row, markdown
+from bench.mapping.scoring import num_silent, score, structure_of
+from bench.mapping.table import INTRODUCTION, Row, markdown
 
 _CACHE = Path("out") / "bench" / "mapping"
 
@@ -94,8 +94,9 @@ def rows_of(case: Case, results: Results) -> list[Row]:
         if len(poses) != len(case.scan_set.truth):
             rows.append(Row(contender.label, problem=f"{len(poses)} poses for {len(case.scan_set.truth)} scans"))
             continue
-        figures = score(poses, case.scan_set, structure)
-        rows.append(Row(contender.label, timing_of(runs), figures, runs[0].num_lost))
+        figures, is_lost = score(poses, case.scan_set, structure), runs[0].is_lost
+        lost = (None, None) if is_lost is None else (sum(is_lost), num_silent(poses, case.scan_set.truth, is_lost))
+        rows.append(Row(contender.label, timing_of(runs), figures, *lost))
     return [*rows, *(Row(contender.label, problem=why) for contender, why in results.problems.items())]
 
 
@@ -137,8 +138,9 @@ def _write(arguments: argparse.Namespace, about: dict[str, str], document: list[
             json.dumps({"about": about, "runs": arguments.runs, "cases": document}, indent=1) + "\n"
         )
     if arguments.markdown:
-        lines = "\n".join(f"- {name}: {value}" for name, value in about.items())
-        arguments.markdown.write_text(f"# The mapper beside its peers\n\n{lines}\n\n" + "\n".join(tables))
+        lines = "\n".join(f"- {name}: {value}" for name, value in {**about, "runs": str(arguments.runs)}.items())
+        text = f"# The mapper beside its peers\n\n{INTRODUCTION}\n{lines}\n\n" + "\n".join(tables)
+        arguments.markdown.write_text(text)
 
 
 if __name__ == "__main__":

@@ -26,14 +26,14 @@ class RunError(Exception):
 class Run:
     """One run over K scans: wall and CPU milliseconds (K,) a scan, poses of the scans in the frame of the first.
 
-    num_lost: scans that the contender itself says it is lost at, None where it says nothing. peak_rss_mb: of ours.
+    is_lost: whether the contender itself says so, of each scan; None where it says nothing. peak_rss_mb: of ours.
     refined and refine_ms: poses of the whole run after refining, and what that took.
     """
 
     ms: tuple[float, ...]
     cpu_ms: tuple[float, ...]
     poses: tuple[SE3, ...]
-    num_lost: int | None = None
+    is_lost: tuple[bool, ...] | None = None
     peak_rss_mb: float | None = None
     refined: tuple[SE3, ...] | None = None
     refine_ms: float = 0.0
@@ -98,12 +98,12 @@ def parse_run(text: str) -> Run:
         raise RunError(f"what it says cannot be read: {error}") from error
     if not poses:
         raise RunError("it says nothing of any scan")
-    lost = [line["is_lost"] for line in scans if "is_lost" in line]
+    lost = tuple(bool(line["is_lost"]) for line in scans if "is_lost" in line)
     return Run(
         ms=tuple(line["ms"] for line in scans),
         cpu_ms=tuple(line["cpu_ms"] for line in scans),
         poses=poses,
-        num_lost=sum(lost) if lost else None,
+        is_lost=lost or None,
         peak_rss_mb=rest.get("peak_rss_mb"),
         refined=refined,
         refine_ms=rest.get("refine_ms", 0.0),

@@ -68,9 +68,13 @@ def score(poses: Sequence[SE3], scan_set: ScanSet, structure: UrdfModel) -> Scor
 
 def num_pairs_ok(poses: Sequence[SE3], truth: Sequence[SE3]) -> int:
     """How many steps from one scan to the next are right within 5 cm and 1 degree."""
-    steps = zip(_steps(poses), _steps(truth), strict=True)
-    errors = [true.inv() @ step for step, true in steps]
-    return sum(float(np.linalg.norm(e.translation)) <= _PAIR_M and e.angle_rad <= _PAIR_RAD for e in errors)
+    return sum(_are_right(poses, truth))
+
+
+def num_silent(poses: Sequence[SE3], truth: Sequence[SE3], is_lost: Sequence[bool]) -> int:
+    """How many steps are wrong between two scans of which neither is said to be lost."""
+    told = [before or after for before, after in pairwise(is_lost)]
+    return sum(not is_right and not is_told for is_right, is_told in zip(_are_right(poses, truth), told, strict=True))
 
 
 def thinned_map(poses: Sequence[SE3], scan_set: ScanSet) -> NDArray[np.float64]:
@@ -79,6 +83,11 @@ def thinned_map(poses: Sequence[SE3], scan_set: ScanSet) -> NDArray[np.float64]:
     points_m = np.concatenate([poses[k].apply(scan_set.scans_m[k].astype(np.float64)) for k in rows])
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points_m)).voxel_down_sample(_VOXEL_M)
     return np.asarray(cloud.points)
+
+
+def _are_right(poses: Sequence[SE3], truth: Sequence[SE3]) -> list[bool]:
+    errors = [true.inv() @ step for step, true in zip(_steps(poses), _steps(truth), strict=True)]
+    return [bool(np.linalg.norm(e.translation) <= _PAIR_M and e.angle_rad <= _PAIR_RAD) for e in errors]
 
 
 def _steps(poses: Sequence[SE3]) -> list[SE3]:

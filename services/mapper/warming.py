@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.mapper.mapper import Mapper
-from services.mapper.whole_run import refined_poses
+from services.mapper.whole_run import WholeRun, refined
 from shared.geometry import SE3
 from shared.messaging.messages import CameraInfo, DepthImage
 from shared.messaging.scans import scan_of
@@ -30,7 +30,7 @@ def warm_up(config: MapperConfig, *, is_refining: bool = False) -> None:
         pose = pose @ _STEP
     mapper.map_planes()
     if is_refining:
-        refined_poses(scans, poses, [True] * len(poses), mapper.target.matcher, config)
+        refined(WholeRun(scans, poses, [True] * len(poses)), mapper.target.matcher, config)
     centre_px = (_SIZE_PX - 1) / 2
     mapper.set_camera(
         CameraInfo(

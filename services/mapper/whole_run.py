@@ -1,11 +1,14 @@
-"""What can be done once a run is over: all poses and planes are estimated together, and the map is made anew."""
+"""What can be done once a run is over: loops are closed, poses and planes estimated together, the map made anew."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from services.mapper.loop_closure import close_loops
 from services.mapper.planes.growth import map_of_scans
 from services.mapper.planes.matcher import PlaneMatcher
 from services.mapper.planes.refinement import refine
@@ -14,41 +17,71 @@ from services.mapper.voxel_map import VoxelMap
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
 
+_KEYFRAME_STEP_M, _KEYFRAME_STEP_RAD = 0.3, 0.35
+"""From keyframe to keyframe, where loops are closed: what two scans of a lattice share is then still most of it."""
 
-def refined_poses(
-    scans: Sequence[Points],
-    poses: Sequence[SE3],
-    is_tracked: Sequence[bool],
-    matcher: ScanMatcher,
-    config: MapperConfig,
-) -> list[SE3]:
-    """T_map_sensor of each scan, estimated together with the planes that the tracked scans show.
 
-    scans: filtered, (N, 3) each, in the sensor's frame. matcher: of the run; where it knows no planes, they are found
-    in the scans first. A lost scan keeps its step from the last tracked one.
+@dataclass(frozen=True, slots=True, eq=False)
+class WholeRun:
+    """scans: filtered, (N, 3) each, in the sensor's frame. poses: T_map_sensor. is_tracked: whether each was believed."""
+
+    scans: Sequence[Points]
+    poses: Sequence[SE3]
+    is_tracked: Sequence[bool]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RefinedRun:
+    """T_map_sensor of each scan; how many returns closed a loop; the map's cloud (N, 3)."""
+
+    poses: list[SE3]
+    num_loops: int
+    map_points_m: NDArray[np.float64]
+
+
+def refined(run: WholeRun, matcher: ScanMatcher, config: MapperConfig) -> RefinedRun:
+    """The run as its whole sees it.
+
+    matcher: of the run. Its planes are the beginning where they are those of the map; otherwise, as where only the last
+    scan was the target, loops are closed first and planes found then. A lost scan keeps its step from the one before.
 
     Raises:
         RegistrationError: no scan shows planes.
     """
-    tracked = [k for k, is_known in enumerate(is_tracked) if is_known]
-    kept_scans, kept_poses = [scans[k] for k in tracked], [poses[k] for k in tracked]
+    tracked = [k for k, is_known in enumerate(run.is_tracked) if is_known]
+    scans, poses = [run.scans[k] for k in tracked], [run.poses[k] for k in tracked]
+    num_loops = 0
     if isinstance(matcher, PlaneMatcher) and config.scan_to == "map":
         patch_map = matcher.patch_map
     else:
-        patch_map = map_of_scans(kept_scans, [pose.matrix[:3] for pose in kept_poses], config)
-    found = dict(zip(tracked, refine(kept_scans, kept_poses, patch_map).poses, strict=True))
-    refined: list[SE3] = []
-    for k, pose in enumerate(poses):
-        refined.append(found[k] if k in found else refined[-1] @ poses[k - 1].inv() @ pose if k else pose)
-    return refined
-
-
-def map_of(
-    scans: Sequence[Points], poses: Sequence[SE3], is_tracked: Sequence[bool], config: MapperConfig
-) -> np.ndarray:
-    """The map's cloud (N, 3) of the tracked scans at these poses."""
+        poses, num_loops = _with_loops_closed(scans, poses, config)
+        patch_map = map_of_scans(scans, [pose.matrix[:3] for pose in poses], config)
+    poses = refine(scans, poses, patch_map).poses
     voxels = VoxelMap(config.voxel_size_m, config.max_map_points)
-    for points_m, pose, is_known in zip(scans, poses, is_tracked, strict=True):
-        if is_known:
-            voxels.insert(pose.apply(points_m))
-    return voxels.points_m
+    for points_m, pose in zip(scans, poses, strict=True):
+        voxels.insert(pose.apply(points_m))
+    return RefinedRun(_with_lost(run, dict(zip(tracked, poses, strict=True))), num_loops, voxels.points_m)
+
+
+def _with_loops_closed(scans: Sequence[Points], poses: Sequence[SE3], config: MapperConfig) -> tuple[list[SE3], int]:
+    """Each pose moved along with the last keyframe before it."""
+    keyframes = [0]
+    for k, pose in enumerate(poses):
+        step = poses[keyframes[-1]].inv() @ pose
+        if np.linalg.norm(step.translation) > _KEYFRAME_STEP_M or step.angle_rad > _KEYFRAME_STEP_RAD:
+            keyframes.append(k)
+    closed = close_loops([scans[k] for k in keyframes], [poses[k] for k in keyframes], config)
+    moved: list[SE3] = []
+    for number, first in enumerate(keyframes):
+        last = keyframes[number + 1] if number + 1 < len(keyframes) else len(poses)
+        correction = closed.T_map_lidar[number] @ poses[first].inv()
+        moved += [correction @ pose for pose in poses[first:last]]
+    return moved, len(closed.returns)
+
+
+def _with_lost(run: WholeRun, found: dict[int, SE3]) -> list[SE3]:
+    poses: list[SE3] = []
+    for k, pose in enumerate(run.poses):
+        step = run.poses[k - 1].inv() @ pose if k else pose
+        poses.append(found[k] if k in found else (poses[-1] @ step if poses else pose))
+    return poses

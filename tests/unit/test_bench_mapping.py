@@ -10,7 +10,7 @@ from bench.mapping.contenders import CONTENDERS, Contender, Launcher
 from bench.mapping.measuring import Run, RunError, parse_run, timing_of
 from bench.mapping.queueing import num_dropped
 from bench.mapping.scans import in_gate, read_scan_set, shifted, write_npz
-from bench.mapping.scoring import num_pairs_ok, score, structure_of
+from bench.mapping.scoring import num_pairs_ok, num_silent, score, structure_of
 from bench.mapping.table import Row, markdown
 from bench.mapping_errors import CASES, Row as ErrorRow, markdown as error_table
 from bench.scan_data import Path6, poses_clear_of, random_path, turned, write_scans
@@ -64,7 +64,8 @@ def test_a_run_is_read_from_its_lines() -> None:
     run = parse_run("\n".join([*lines, json.dumps({"peak_rss_mb": 80.5}), json.dumps(refined)]))
     assert run.ms == (5.0, 7.0)
     assert run.cpu_ms == (2.5, 3.5)
-    assert run.num_lost == 1
+    assert run.is_lost == (False, True)
+    assert parse_run(_line(poses[0], 1.0)).is_lost is None
     assert run.peak_rss_mb == 80.5
     assert run.refined is not None
     np.testing.assert_array_equal(run.refined[1].translation, [1.0, 0.0, 0.0])
@@ -143,6 +144,9 @@ def test_steps_are_right_within_five_centimetres_and_a_degree() -> None:
     truth = [SE3.identity()] * 4
     estimate = [SE3.identity(), SE3.trans(0.049), SE3.trans(0.1), SE3.trans(0.1) @ SE3.rot("z", np.deg2rad(1.1))]
     assert num_pairs_ok(estimate, truth) == 1
+    assert num_silent(estimate, truth, [False] * 4) == 2
+    assert num_silent(estimate, truth, [False, False, False, True]) == 1
+    assert num_silent(estimate, truth, [False, False, True, False]) == 0
 
 
 def test_legs_know_where_the_lidar_is(tmp_path: Path) -> None:
@@ -177,8 +181,8 @@ def test_a_turned_structure_keeps_its_shape() -> None:
 def test_tables_name_who_was_not_measured() -> None:
     text = markdown([Row("PCL", problem="not built")])
     assert text.splitlines()[-1] == "- PCL: not built"
-    row = ErrorRow("bent", "plane:map", 11, 1.234, 0.5, 9, 1, 2.0, 3.0, 100.4)
-    assert "| bent | plane:map | 11 | 1.23 | 0.50 | 9 of 10 | 1 | 2.00 / 3.00 | 100 |" in error_table([row])
+    row = ErrorRow("bent", "plane:map", 11, 1.234, 0.5, 9, 1, 0, 2.0, 3.0, 100.4)
+    assert "| bent | plane:map | 11 | 1.23 | 0.50 | 9 of 10 | 1 / 0 | 2.00 / 3.00 | 100 |" in error_table([row])
     assert "| exit code 1 |" in error_table([ErrorRow("bent", "gicp:map", 11, problem="exit code 1")])
 
 
