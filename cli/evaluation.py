@@ -30,7 +30,7 @@ StampedPoses = list[tuple[int, SE3]]
 
 MME_RADIUS_M = 0.15
 """Three voxels of the default map: a neighbourhood on one face of a bar of 0.2 m."""
-_MME_QUERIES = 5000
+_MME_QUERIES = 2000
 _NUM_EYES = 20
 MAP_FIGURES = (
     "map_points",

@@ -14,7 +14,7 @@ Float = NDArray[np.float64]
 _MIN_NEIGHBOURS = 5
 _FLOOR_M = 1e-4
 """Added to every standard deviation's square, so that a surface without noise has a finite entropy."""
-_CHUNK = 500
+_CHUNK = 100
 _ENTROPY_CONSTANT = 0.5 * 3 * math.log(2 * math.pi * math.e)
 
 
