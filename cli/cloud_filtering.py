@@ -35,8 +35,8 @@ def filtered_cloud(points_m: Float, steps: FilterSteps) -> tuple[Float, dict[Ver
     low_m, high_m = steps.range_m or (0.0, math.inf)
     changes: dict[str, Any] = {"min_range_m": low_m, "max_range_m": high_m, "crop_m": steps.crop_m}
     if steps.outliers is not None:
-        changes |= {"outlier_neighbours": steps.outliers[0], "outlier_deviations": steps.outliers[1]}
-    judged = ScanFilter(MapperConfig(outlier_neighbours=0).model_copy(update=changes)).filtered(points_m)
+        changes |= {"num_outlier_neighbours": steps.outliers[0], "outlier_deviations": steps.outliers[1]}
+    judged = ScanFilter(MapperConfig(num_outlier_neighbours=0).model_copy(update=changes)).filtered(points_m)
     left_m: Float = judged.points_m.astype(np.float64)
     if steps.voxel_m is not None:
         left_m = voxel_centroids(left_m, steps.voxel_m)

@@ -11,6 +11,7 @@ import numpy as np
 
 from services.mapper.mapper import Mapper
 from shared.geometry import SE3
+from shared.messaging.channels import MAP_CLOUD, MAP_PLANES
 from shared.messaging.messages import MapStatus, Message, Odometry
 
 Show = Callable[[Mapper, list[Message]], None]
@@ -75,5 +76,5 @@ class _Drawing:
 
         planes = mapper.map_planes().planes
         outlines = [np.vstack([plane.outline_m, plane.outline_m[:1]]) for plane in planes]
-        self._stream.log("map/cloud", rr.Points3D(mapper.target.points_m, radii=0.008, colors=[150, 150, 160]))
-        self._stream.log("map/planes", rr.LineStrips3D(outlines, colors=[plane.colour for plane in planes]))
+        self._stream.log(MAP_CLOUD.key, rr.Points3D(mapper.target.points_m, radii=0.008, colors=[150, 150, 160]))
+        self._stream.log(MAP_PLANES.key, rr.LineStrips3D(outlines, colors=[plane.colour for plane in planes]))

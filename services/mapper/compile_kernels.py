@@ -19,7 +19,7 @@ def compile_kernels() -> None:
     for kept in Path(__file__).parent.rglob("__pycache__/*.nb[ic]"):
         kept.unlink()
     for method in ("plane", *METHODS):
-        warm_up(MapperConfig(method=method, outlier_neighbours=4), is_refining=True)
+        warm_up(MapperConfig(method=method, num_outlier_neighbours=4), is_refining=True)
 
 
 if __name__ == "__main__":

@@ -58,8 +58,8 @@ class ScanFilter:
         verdicts = np.empty(len(points_m), dtype=np.uint8)
         _judge(points_m, mask, config.min_range_m**2, config.max_range_m**2, self._box_m, verdicts)
         kept_m = np.take(points_m, np.flatnonzero(verdicts == Verdict.KEPT), axis=0)
-        if config.outlier_neighbours:
-            is_outlier = outliers(kept_m, config.outlier_neighbours, config.outlier_deviations, config.num_threads)
+        if config.num_outlier_neighbours:
+            is_outlier = outliers(kept_m, config.num_outlier_neighbours, config.outlier_deviations, config.num_threads)
             verdicts[np.flatnonzero(verdicts == Verdict.KEPT)[is_outlier]] = Verdict.OUTLIER
             kept_m = kept_m[~is_outlier]
         return Filtered(kept_m, verdicts)

@@ -131,7 +131,7 @@ class MapperConfig(Section):
     """x0 x1 y0 y1 z0 z1 of a box in the sensor's frame, outside of which points are dropped. None: no box."""
     body: bool = True
     """Drops points on the robot itself, where joints and feet are known."""
-    outlier_neighbours: int = Field(0, ge=0, le=100)
+    num_outlier_neighbours: int = Field(0, ge=0, le=100)
     """Points are dropped that lie far from so many nearest neighbours; 0 = no such filter."""
     outlier_deviations: float = Field(2.0, gt=0, le=100)
     """How many standard deviations beyond the mean distance to the neighbours is far."""

@@ -45,7 +45,7 @@ def test_the_order_stays_and_the_body_goes():
 def test_what_stands_alone_is_an_outlier():
     wall = np.stack(np.meshgrid([1.0], 0.05 * np.arange(20), 0.05 * np.arange(20)), axis=-1).reshape(-1, 3)
     alone = np.array([[1.4, 0.5, 0.5]])
-    config = CONFIG.model_copy(update={"outlier_neighbours": 6, "outlier_deviations": 5.0})
+    config = CONFIG.model_copy(update={"num_outlier_neighbours": 6, "outlier_deviations": 5.0})
     filtered = ScanFilter(config).filtered(np.concatenate([wall[:50], alone, wall[50:]]))
     np.testing.assert_array_equal(filtered.points_m, wall)
     assert np.flatnonzero(filtered.verdicts).tolist() == [50]
@@ -64,6 +64,6 @@ def test_outliers_are_those_beyond_mean_and_deviations(num_neighbours):
 
 @pytest.mark.parametrize("num_points", [0, 1, 2])
 def test_few_points_pass_as_they_are(num_points):
-    config = CONFIG.model_copy(update={"outlier_neighbours": 5})
+    config = CONFIG.model_copy(update={"num_outlier_neighbours": 5})
     points = np.full((num_points, 3), 1.0, dtype=np.float32)
     np.testing.assert_array_equal(ScanFilter(config).filtered(points).points_m, points)
