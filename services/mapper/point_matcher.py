@@ -24,8 +24,8 @@ from services.mapper.voxel_map import voxel_centroids
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
 
-_CLEAR_SCORE = 0.7
-"""From here on no other pose is tried: a scan that is explained wholly and lies 13 mm off, as after a slip of 2 cm."""
+_CLEAR_SCORE = 0.6
+"""From here on no other pose is tried: a scan that slipped by 4 cm or more on a lattice stays below."""
 _ALIGNED_VOXELS = 1.5
 """Scans are aligned in voxels so many times as wide as those of the map, which is half the points.
 

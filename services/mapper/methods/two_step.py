@@ -20,10 +20,10 @@ class TwoStep:
         RegistrationError: fewer than MIN_POINTS target points.
     """
 
-    max_angle_rad = np.deg2rad(45.0)
+    max_angle_rad = np.deg2rad(60.0)
     max_distance_m = 1.5
     """Planes are matched within these of the predicted pose."""
-    max_candidates = 3
+    max_candidates = 5
 
     def __init__(self, target_map_m: Points, config: MapperConfig) -> None:
         self._gicp = Gicp(target_map_m, config)
