@@ -146,14 +146,14 @@ def markdown(rows: list[Row]) -> str:
 def main() -> None:
     """Measures and prints a table; writes it and the figures where asked."""
     parser = argparse.ArgumentParser(prog="python -m bench.mapping_errors", description=__doc__)
-    parser.add_argument("--only", default="", help="cases whose title has this in it")
+    parser.add_argument("--only", nargs="+", default=[""], help="cases whose title has one of these in it")
     parser.add_argument("--core", type=int, default=0, help="all run on this one")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--markdown", type=Path)
     arguments = parser.parse_args()
     launcher, rows = Launcher(Path(sys.executable)), list[Row]()
     contenders = [each for key in _KEYS for each in CONTENDERS if (each.key, each.voxel_m) == (key, _VOXEL_M)]
-    for case in (case for case in CASES if arguments.only in case.title):
+    for case in (case for case in CASES if any(word in case.title for word in arguments.only)):
         scan_set = read_scan_set(folder_of(case, _CACHE), case.bias_m).first(case.max_scans)
         npz = _CACHE / "scans.npz"
         write_npz(scan_set, npz)
