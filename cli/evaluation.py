@@ -122,9 +122,9 @@ def _paired(
     max_dt_s: float,
     warnings: list[str],
 ) -> association.Pairs:
-    """By stamp; or by index, where the stamps of the estimate count the scans and few of them are the truth's."""
+    """By stamp; or by index, where the stamps of the estimate count the scans and most are none of the truth's."""
     pairs = association.by_stamp(estimated, true, round(max_dt_s * 1e9))
-    if len(pairs) < len(estimated) and association.is_indexed(estimated, len(true)):
+    if 2 * len(pairs) < len(estimated) and association.is_indexed(estimated, len(true)):
         warnings.append(f"{estimate}: its stamps count the poses of {truth} and are paired with them so")
         return association.by_index(estimated, true)
     if len(pairs) == 0:

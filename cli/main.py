@@ -18,6 +18,7 @@ from cli import (
     sensor_commands,
     sim_commands,
     structure_commands,
+    sweep_commands,
 )
 from shared.errors import ConfigError, HyrecroError, InputFileError
 from shared.runtime.exit_codes import Exit
@@ -32,6 +33,7 @@ app = typer.Typer(
 pipeline_commands.register(app)
 map_commands.register(app)
 eval_commands.register(app)
+sweep_commands.register(app)
 app.add_typer(cloud_commands.app, name="cloud", help="Find planes in clouds, filter and save them.")
 app.add_typer(robot_commands.app, name="robot", help="Command the robot and read its state.")
 app.add_typer(sensor_commands.app, name="sensor", help="See what the sensors see.")

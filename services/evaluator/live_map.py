@@ -13,7 +13,7 @@ from shared.robot.description import UrdfModel
 from shared.robot.urdf import parse_urdf
 
 _MAX_POINTS = 5000
-"""The mean distance is then known to 1 % or so; against 22 boxes it takes some 5 ms."""
+"""The mean distance is then known to 1 % or so; against a hundred boxes it takes some 30 ms."""
 
 
 class LiveMap:
@@ -52,10 +52,10 @@ class LiveMap:
         """Of at most 5,000 of the map's points; None without a map or a structure, or where either is empty."""
         if self._structure is None or self._points_m is None:
             return None
-        points_m = self._points_m[np.all(np.isfinite(self._points_m), axis=1)].astype(np.float64)
+        points_m = self._points_m
         if len(points_m) == 0 or not self._structure.shapes:
             return None
         if len(points_m) > _MAX_POINTS:
             rng = np.random.default_rng(self._seed)
-            points_m = points_m[rng.choice(len(points_m), _MAX_POINTS, replace=False)]
-        return accuracy_of(distances_to_structure(T_world_map.apply(points_m), self._structure))
+            points_m = points_m[rng.choice(len(points_m), _MAX_POINTS, replace=False, shuffle=False)]
+        return accuracy_of(distances_to_structure(T_world_map.apply(points_m.astype(np.float64)), self._structure))

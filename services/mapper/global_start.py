@@ -79,7 +79,7 @@ class GlobalStart:
             rotations.append(np.broadcast_to(R, (len(found_m), 3, 3)))
             shifts_m.append(found_m)
             shares.append(self._shares(tried_m @ R.T, found_m))
-        return _distinct(np.concatenate(rotations), np.concatenate(shifts_m), np.concatenate(shares), max_candidates)
+        return distinct(np.concatenate(rotations), np.concatenate(shifts_m), np.concatenate(shares), max_candidates)
 
     def _shifts(self, turned_m: Float, normals: Float) -> Float:
         """Translations (T, 3) for a scan that is turned already: every combination of the peaks along three axes."""
@@ -114,7 +114,7 @@ def _density(positions_m: Float, num_bins: int) -> NDArray[np.complex128]:
     return np.fft.rfft(np.convolve(np.sqrt(counts), _SMOOTHING, "same"), 2 * num_bins)
 
 
-def _distinct(rotations: Float, shifts_m: Float, shares: Float, max_candidates: int) -> list[Candidate]:
+def distinct(rotations: Float, shifts_m: Float, shares: Float, max_candidates: int) -> list[Candidate]:
     """The poses of the highest shares that are not next to a better one."""
     chosen: list[int] = []
     for i in np.argsort(-shares, kind="stable").tolist():

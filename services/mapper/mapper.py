@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from services.mapper.degeneracy import covariance
 from services.mapper.filters import ScanFilter
-from services.mapper.motion_model import MotionModel, Step
+from services.mapper.motion_model import MotionModel
 from services.mapper.plane_map import plane_map
-from services.mapper.priors.interface import Prior
+from services.mapper.priors.interface import Prior, Step
 from services.mapper.reports import Reports
 from services.mapper.target import Target
 from services.mapper.tracking import Track
@@ -156,7 +156,7 @@ class Mapper:
         filtered = self._filter.filtered(points_m, self._motion.body_mask(points_m, self._stamp_ns))
         self.last_points_m = filtered.points_m
         step = self._motion.step(self._stamp_ns)
-        track = self._target.add(filtered.points_m, step.T_last_now)
+        track = self._target.add(filtered.points_m, step)
         registered_ns = self._clock_ns()
         self._motion.correct(self._stamp_ns, track.T_map_sensor if track.is_tracking else None)
         slip = self._motion.slip(self._stamp_ns, track)

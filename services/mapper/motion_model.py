@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +9,7 @@ from services.mapper.body import BodyFilter
 from services.mapper.postures import Mount, Postures, mount_of
 from services.mapper.priors.constant_velocity import ConstantVelocity
 from services.mapper.priors.inertial import Inertial
-from services.mapper.priors.interface import Prior, increment
+from services.mapper.priors.interface import Prior, Step, increment
 from services.mapper.priors.leg_odometry import LegOdometry
 from services.mapper.registration import Points
 from services.mapper.slip import Disagreement, SlipWatch
@@ -26,14 +24,8 @@ from shared.runtime.config import MapperConfig
 
 TREND = "constant_velocity"
 GIVEN = "trajectory"
-
-
-@dataclass(frozen=True, slots=True)
-class Step:
-    """A predicted motion between two scans. prior: what predicted it."""
-
-    T_last_now: SE3
-    prior: str
+MEASURED = ("legs", GIVEN)
+"""The priors that know where the sensor goes; an IMU knows only how it turns."""
 
 
 class MotionModel:
@@ -96,8 +88,8 @@ class MotionModel:
             for name, prior in self._priors.items():
                 motion = prior.motion(self._last_ns, stamp_ns)
                 if motion is not None:
-                    return Step(increment(motion, self._last_ns, stamp_ns), name)
-        return Step(SE3.identity(), TREND)
+                    return Step(increment(motion, self._last_ns, stamp_ns), name, is_measured=name in MEASURED)
+        return Step(SE3.identity(), TREND, is_measured=False)
 
     def correct(self, stamp_ns: int, T_map_sensor: SE3 | None) -> None:
         """Where registration found the sensor; None: it was lost."""

@@ -17,10 +17,6 @@ Points = NDArray[np.floating]
 MIN_POINTS = 20
 """A cloud with fewer thinned points is not registered: the local shape of one point alone takes ten."""
 
-_SURFACE_TOLERANCE_M = 0.02
-"""Inliers this far off their surfaces count half: at 8 mm of range noise and 5 cm voxels good registrations have
-6-8 mm, those that slipped by 2, 5, 10 cm have 11-13, 23-30, 28-50 mm."""
-
 
 class RegistrationError(HyrecroError):
     """A scan has too little to align others to, or was not found: the text says which."""
@@ -50,14 +46,15 @@ class RegistrationResult:
     sigma_m: float | None = None
 
 
-def surface_score(num_inliers: int, num_points: int, variance_m2: float | None) -> float:
+def surface_score(num_inliers: int, num_points: int, variance_m2: float | None, tolerance_m: float) -> float:
     """Share of the scan that the target explains, 0..1, discounted as the inliers lie off their surfaces.
 
-    variance_m2: the mean square of the inliers' distances along the surfaces' normals; None without inliers.
+    variance_m2: the mean square of the inliers' distances along the surfaces' normals; None without inliers. Inliers
+    that are `tolerance_m` off count half.
     """
     if variance_m2 is None or num_points == 0:
         return 0.0
-    return num_inliers / num_points / (1.0 + variance_m2 / _SURFACE_TOLERANCE_M**2)
+    return num_inliers / num_points / (1.0 + variance_m2 / tolerance_m**2)
 
 
 def nothing_found(num_points: int, T_map_lidar: SE3) -> RegistrationResult:

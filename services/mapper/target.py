@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.mapper.matching import make_matcher
+from services.mapper.priors.interface import Step
 from services.mapper.registration import Points, RegistrationError, ScanMatcher
 from services.mapper.tracking import Track, Tracker
 from services.mapper.voxel_map import VoxelMap
@@ -54,8 +55,8 @@ class Target:
             self._tracker = Tracker(self._config, self.matcher, self._T_map_first)
             self._is_restarted = True
 
-    def add(self, points_m: Points, step: SE3) -> Track:
-        """Finds a filtered scan (N, 3), in the sensor's frame, and takes it in. step: T_last_now as predicted."""
+    def add(self, points_m: Points, step: Step) -> Track:
+        """Finds a filtered scan (N, 3), in the sensor's frame, and takes it in."""
         track = self._followed(points_m, step)
         if track.is_tracking:
             self._voxels.insert(track.T_map_sensor.apply(points_m))
@@ -63,10 +64,11 @@ class Target:
             self.num_lost_scans += 1
         return track
 
-    def _followed(self, points_m: Points, step: SE3) -> Track:
+    def _followed(self, points_m: Points, step: Step) -> Track:
         is_restarted, self._is_restarted = self._is_restarted, False
         if self._tracker is not None:
-            track = self._tracker.follow(points_m, SE3.identity() if is_restarted else step)
+            T_last_now = SE3.identity() if is_restarted else step.T_last_now
+            track = self._tracker.follow(points_m, T_last_now, is_measured=step.is_measured and not is_restarted)
             if track.is_tracking or not is_restarted:
                 return track
             self._begin_empty()

@@ -13,6 +13,8 @@ from shared.runtime.config import MapperConfig
 
 _MAX_WIDENINGS = 3
 """What is searched and believed doubles with each lost scan, so often at most."""
+_MEASURED = 0.25
+"""Of what is searched and believed without a measurement of the motion; legs and IMUs are wrong by centimetres."""
 _LOCALISE_AFTER = 2
 """Lost scans after which the whole map is searched, at first at each and then at every so many scans."""
 _LOCALISE_EVERY = 5
@@ -53,13 +55,17 @@ class Tracker:
         """Where the last scan was believed to be taken."""
         return self._T_map_sensor
 
-    def follow(self, points_m: Points, step: SE3) -> Track:
-        """Finds a filtered scan (N, 3), in the sensor's frame, in the map. step: T_last_now as predicted."""
+    def follow(self, points_m: Points, step: SE3, *, is_measured: bool = False) -> Track:
+        """Finds a filtered scan (N, 3), in the sensor's frame, in the map. step: T_last_now as predicted.
+
+        is_measured: the step comes from a measurement of the motion rather than from its trend, and is searched about less.
+        """
         prediction = self._T_map_sensor @ step
         guesses = [prediction, self._T_map_tracked]
-        result = self._matcher.align(points_m, guesses, self._widening)
+        widening = 2.0 ** min(self.num_lost, _MAX_WIDENINGS) * (_MEASURED if is_measured else 1.0)
+        result = self._matcher.align(points_m, guesses, widening)
         is_found_again = False
-        if not (self._is_clear(result) and self._is_near(result, guesses, self._widening)):
+        if not (self._is_clear(result) and self._is_near(result, guesses, widening)):
             result, is_found_again = self._found_anywhere(points_m, guesses) or (result, False)
             if not is_found_again:
                 self._T_map_sensor = prediction
@@ -93,7 +99,3 @@ class Tracker:
             and jump.angle_rad <= np.deg2rad(self._config.max_jump_deg) * widening
             for jump in jumps
         )
-
-    @property
-    def _widening(self) -> float:
-        return float(2 ** min(self.num_lost, _MAX_WIDENINGS))

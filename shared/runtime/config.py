@@ -152,8 +152,8 @@ class MapperConfig(Section):
     """The same for the first guess of a wider search, when the prediction does not lead to a good registration."""
     min_score: float = Field(0.5, gt=0, le=1)
     """A registration is not believed below this share of explained points (less where they lie off their surfaces)."""
-    max_jump_m: float = Field(0.5, gt=0, le=100)
-    max_jump_deg: float = Field(45.0, gt=0, le=180)
+    max_jump_m: float = Field(1.0, gt=0, le=100)
+    max_jump_deg: float = Field(90.0, gt=0, le=180)
     """A registration farther than this from both the prediction and the last tracked pose is not believed."""
     max_iterations: int = Field(20, ge=1, le=1000)
     max_leg_error_m: float = Field(0.01, gt=0, le=10)

@@ -71,6 +71,33 @@ def test_a_scan_keeps_its_fields(tmp_path):
     assert set(read.ring) == {3}
 
 
+def compressed(num_points, stored, held, content):
+    header = HEADER.replace("WIDTH 2", f"WIDTH {num_points}").replace("POINTS 2", f"POINTS {num_points}")
+    header = header.replace("ascii", "binary_compressed")
+    return header.encode() + np.array([stored, held], "<u4").tobytes() + content
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (compressed(2, 9, 25, bytes(9)), "says 24 bytes of points, the compressed data hold 25"),
+        (compressed(2, 9, 24, bytes(8)), "the compressed data are cut off: 8 of 9 bytes"),
+        (compressed(10**7, 9, 12 * 10**7, bytes(9)), "9 compressed bytes cannot hold 120000000"),
+        (compressed(2, 9, 24, b"\xff" * 9), "the compressed data are broken"),
+        (compressed(2, 2, 24, b"\x00a"), "the compressed data are broken"),
+    ],
+)
+def test_compressed_points_that_are_broken(tmp_path, content, reason):
+    (tmp_path / "a.pcd").write_bytes(content)
+    with pytest.raises(CloudFileError, match=reason):
+        read_cloud(tmp_path / "a.pcd")
+
+
+def test_colours_in_las_have_16_bits(tmp_path):
+    write_cloud(tmp_path / "a.las", POINTS[:1], np.array([[0, 128, 255]], dtype=np.uint8))
+    assert np.frombuffer((tmp_path / "a.las").read_bytes()[-6:], "<u2").tolist() == [0, 128 * 257, 65535]
+
+
 def test_padding_arrays_doubles_and_big_endian_are_read(tmp_path):
     record = np.dtype([("a", "<u1", 2), ("b", "<f4", 33), ("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("c", "<u1")])
     rows = np.zeros(2, record)
@@ -191,6 +218,11 @@ def test_scans_come_in_the_order_of_their_numbers_and_gaps_are_named(tmp_path):
         (10, "data10.pcd"),
     ]
     assert found.missing == ("data1.pcd", "data4.pcd to data9.pcd")
+
+
+def test_the_numbering_begins_with_0(tmp_path):
+    (tmp_path / "data2.pcd").touch()
+    assert scan_files(tmp_path).missing == ("data0.pcd to data1.pcd",)
 
 
 def test_folders_without_usable_scans_are_refused(tmp_path):

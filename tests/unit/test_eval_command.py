@@ -110,6 +110,16 @@ def test_stamps_that_count_the_scans_are_paired_by_index(monkeypatch, capsys, tm
     assert json.loads(out)["ate_rmse_m"] == pytest.approx(0.0, abs=1e-9)
 
 
+def test_whole_seconds_that_the_truth_has_are_no_indices(monkeypatch, capsys, tmp_path):
+    """Truth over 1 s at 10 Hz; of four estimates, two are later."""
+    write_tum(tmp_path / "t.tum", [(k * 10**8, pose) for k, pose in enumerate(path(0.1, 15))])
+    write_tum(tmp_path / "e.tum", [(k * 10**9, path(0.1, 11)[10 * (k % 2)]) for k in range(4)])
+    code, out, err = run(monkeypatch, capsys, *TRAJECTORIES, "--json")
+    assert (code, json.loads(out)["num_poses"]) == (0, 2)
+    assert "2 of 4 poses have none within" in err
+    assert json.loads(out)["drift_m"] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_poses_without_a_partner_are_told(monkeypatch, capsys, tmp_path):
     write_tum(tmp_path / "long.tum", [(k * 10**8, pose) for k, pose in enumerate(path(0.1, 14))])
     code, out, err = run(monkeypatch, capsys, "--estimate", "long.tum", "--truth", "e.tum", "--json")

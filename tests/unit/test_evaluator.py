@@ -124,6 +124,14 @@ def test_when_stamps_go_back_a_new_comparison_begins():
     assert metrics.ate_rmse_m == pytest.approx(0.0, abs=1e-12)
 
 
+def test_truth_of_before_is_forgotten_when_stamps_go_back():
+    evaluator = Evaluator(EvaluatorConfig())
+    evaluator.add_transforms(truth(7))
+    evaluator.add_transforms(truth(0))
+    assert evaluator.add_odometry(estimate(7)) == []
+    assert evaluator.add_transforms(truth(7)) != []
+
+
 def test_when_the_mapper_was_started_again_a_new_comparison_begins_without_its_map():
     evaluator = Evaluator(EvaluatorConfig(rate_hz=10.0))
     evaluator.add_cloud(cloud(np.zeros((3, 3))))

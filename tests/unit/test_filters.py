@@ -52,13 +52,14 @@ def test_what_stands_alone_is_an_outlier():
     assert filtered.verdicts[50] == Verdict.OUTLIER
 
 
-def test_outliers_are_those_beyond_mean_and_deviations():
-    rng = np.random.default_rng(4)
-    points = rng.standard_normal((120, 3))
-    distances = np.sort(np.linalg.norm(points[:, None] - points[None], axis=-1), axis=1)[:, 1:6].mean(axis=1)
-    expected = distances > distances.mean() + 1.5 * distances.std()
+@pytest.mark.parametrize("num_neighbours", [1, 5])
+def test_outliers_are_those_beyond_mean_and_deviations(num_neighbours):
+    points = np.random.default_rng(4).standard_normal((120, 3))
+    distances = np.sort(np.linalg.norm(points[:, None] - points[None], axis=-1), axis=1)[:, 1 : num_neighbours + 1]
+    means = distances.mean(axis=1)
+    expected = means > means.mean() + 1.5 * means.std()
     assert expected.any()
-    np.testing.assert_array_equal(outliers(points, 5, 1.5), expected)
+    np.testing.assert_array_equal(outliers(points, num_neighbours, 1.5), expected)
 
 
 @pytest.mark.parametrize("num_points", [0, 1, 2])

@@ -45,6 +45,7 @@ def test_points_beside_the_steel_cost_precision():
     result = quality(np.concatenate([grid(spacing_m=0.01), grid(height_m=0.3, spacing_m=0.01)]), eyes_m=EYE)
     assert result.completeness[0.02] == 1.0
     assert result.fscore[0.02] == pytest.approx(2 * 0.5 / 1.5)
+    assert result.chamfer_m == pytest.approx((0.15 + 0.38 * 0.01) / 2, abs=2e-4)  # 0.38 of the spacing to the nearest
 
 
 def test_without_eyes_the_outer_surface_in_the_box_of_the_map_counts():

@@ -61,8 +61,9 @@ def test_what_is_seen_faces_the_eye_in_range_with_nothing_between():
     assert surface.is_seen(samples, np.array([[5.0, 0.0, 0.0], [-1.5, 0.0, 0.0]]), 20.0).mean() == pytest.approx(
         3 / 12, abs=0.01
     )
-    near = surface.is_seen(samples, np.array([[5.0, 0.0, 0.0]]), max_range_m=4.6)
-    is_in_range = np.linalg.norm(samples.points_m - [5, 0, 0], axis=1) <= 4.6
+    near = surface.is_seen(samples, np.array([[5.0, 0.0, 0.0]]), max_range_m=4.53)
+    is_in_range = np.linalg.norm(samples.points_m - [5, 0, 0], axis=1) <= 4.53
+    assert 0 < near.sum() < is_seen.sum()
     np.testing.assert_array_equal(near, expected & is_in_range)
 
 

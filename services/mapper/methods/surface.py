@@ -20,13 +20,23 @@ from shared.kernel import kernel
 NUM_NEIGHBOURS = 10
 """From which a point's local shape is estimated, as small_gicp's own preprocessing does."""
 
+_NUM_ROUGHNESS_POINTS = 1000
+_TOLERANCE_ROUGHNESS = 2.0
+"""Inliers count half that are off by so many times what neighbours in the target are off each other.
+
+With range noise of 8 mm and 5 cm voxels that is 20 mm: good registrations have 6-8 mm, those slipped by 2, 5, 10 cm
+have 11-13, 23-30, 28-50 mm. With 30 mm of noise it is 40 mm, and good registrations have 13-16 mm.
+"""
+_MIN_TOLERANCE_M, _MAX_TOLERANCE_M = 0.01, 0.05
+
 Float = NDArray[np.float64]
 
 
 class Surface:
     """Target points (M, 3) in the map frame.
 
-    cloud: small_gicp's, with normals and local shapes (covariances). tree: its kd-tree.
+    points_m, normals (M, 3): those points, and the directions of the surfaces there, up to sign. cloud: small_gicp's,
+    with normals and local shapes (covariances). tree: its kd-tree.
 
     Raises:
         RegistrationError: fewer than MIN_POINTS points.
@@ -41,10 +51,20 @@ class Surface:
         self.tree = small_gicp.KdTree(self.cloud, num_threads)
         small_gicp.estimate_normals_covariances(self.cloud, self.tree, NUM_NEIGHBOURS, num_threads)
         self.normals: Float = np.ascontiguousarray(self.cloud.normals()[:, :3])
+        self._tolerance_m = float(
+            np.clip(_TOLERANCE_ROUGHNESS * self._roughness_m(), _MIN_TOLERANCE_M, _MAX_TOLERANCE_M)
+        )
+
+    def nearest(self, points_map_m: Points) -> tuple[NDArray[np.uint64], Float]:
+        """Index and squared distance (N,) of the target point nearest to each point (N, 3) in the map frame."""
+        if not len(points_map_m):
+            return np.empty(0, dtype=np.uint64), np.empty(0)
+        indices, squares_m2 = self.tree.batch_knn_search(points_map_m, 1, self._num_threads)
+        return indices[:, 0], squares_m2[:, 0]
 
     def distances(self, points_map_m: Points) -> Float:
         """Distance (N,) in metres from each point (N, 3) in the map frame to the nearest of the target."""
-        return np.sqrt(self._nearest(points_map_m)[1])
+        return np.sqrt(self.nearest(points_map_m)[1])
 
     def fit(
         self,
@@ -62,7 +82,7 @@ class Surface:
         if not len(points_lidar_m):
             return nothing_found(0, T_map_lidar)
         points_map_m = np.asarray(T_map_lidar.apply(points_lidar_m), dtype=np.float64)
-        nearest, squares_m2 = self._nearest(points_map_m)
+        nearest, squares_m2 = self.nearest(points_map_m)
         is_inlier = squares_m2 <= max_correspondence_m**2
         num_inliers = int(is_inlier.sum())
         if not num_inliers:
@@ -79,17 +99,17 @@ class Surface:
             num_points=len(points_lidar_m),
             num_inliers=num_inliers,
             fitness_m2=float(squares_m2[is_inlier].mean()),
-            score=surface_score(num_inliers, len(points_lidar_m), variance_m2),
+            score=surface_score(num_inliers, len(points_lidar_m), variance_m2, self._tolerance_m),
             hessian=hessian,
             sigma_m=float(np.sqrt(variance_m2)),
         )
 
-    def _nearest(self, points_map_m: Points) -> tuple[NDArray[np.uint64], Float]:
-        """Index and squared distance (N,) of the target point nearest to each."""
-        if not len(points_map_m):
-            return np.empty(0, dtype=np.uint64), np.empty(0)
-        indices, squares_m2 = self.tree.batch_knn_search(points_map_m, 1, self._num_threads)
-        return indices[:, 0], squares_m2[:, 0]
+    def _roughness_m(self) -> float:
+        """Root mean square of how far points of the target lie off the plane through the nearest other one."""
+        some_m = self.points_m[:: max(1, len(self.points_m) // _NUM_ROUGHNESS_POINTS)]
+        neighbours = self.tree.batch_knn_search(some_m, 2, self._num_threads)[0][:, 1]
+        offsets_m = np.einsum("ij,ij->i", self.normals[neighbours], some_m - self.points_m[neighbours])
+        return float(np.sqrt(np.mean(offsets_m**2)))
 
 
 @kernel()

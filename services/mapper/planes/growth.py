@@ -25,6 +25,12 @@ Float = NDArray[np.float64]
 _MIN_HITS = 6
 """So many runs on a patch's plane in a voxel beside it, and the patch reaches there: strays are fewer."""
 _MIN_PATCHES = 3
+_MIN_VOXEL_M = 0.1
+_SIGMAS_A_VOXEL = 4.0
+"""A voxel in which noise is as thick as the voxel has no flat piece."""
+_VOXEL_SCALES = np.array([1.0, 2.0, 4.0])
+_LEAST_SHARE = 0.3
+"""Where patches explain less of a scan, its points lie too far apart for the voxels; larger ones are tried."""
 _MIN_LEFT_RUNS = 60
 _MAX_NEW_PLANES = 500
 _SAME_COSINE = 0.99
@@ -115,12 +121,16 @@ def first_map(points_lidar_m: Points, T_map_lidar: Float, config: MapperConfig) 
     points_lidar_m, known = in_order(points_lidar_m), config.range_noise_m
     sigma_m = sigma_by_range(points_lidar_m) if known is None else np.full(NUM_RANGE_BINS, known)
     runs = cut_runs(points_lidar_m, sigma_m)
-    patch_map = PatchMap(config.max_planes, sigma_m, float(np.median(runs.sigma_m)) if len(runs.sigma_m) else 0.0)
-    found = room_for(config.max_planes, len(runs.num_points))
-    take_in(patch_map, runs, T_map_lidar, found)
+    usual_m = float(np.median(runs.sigma_m)) if len(runs.sigma_m) else 0.0
+    for voxel_m in max(_MIN_VOXEL_M, _SIGMAS_A_VOXEL * usual_m) * _VOXEL_SCALES:
+        patch_map, found = PatchMap(config.max_planes, sigma_m, voxel_m), room_for(config.max_planes, len(runs.num_points))
+        take_in(patch_map, runs, T_map_lidar, found)
+        counts = Counts(*associate(runs, 1, T_map_lidar, patch_map.narrow, patch_map.arrays.planes, found))
+        if counts.num_explained > _LEAST_SHARE * counts.num_points:
+            break
     if patch_map.num_patches < _MIN_PATCHES:
         raise RegistrationError(f"a scan of {len(points_lidar_m)} points shows too few planes to align others to")
-    return patch_map, Counts(*associate(runs, 1, T_map_lidar, patch_map.narrow, patch_map.arrays.planes, found))
+    return patch_map, counts
 
 
 def map_of_scans(scans: Iterable[Points], poses: Iterable[Float], config: MapperConfig) -> PatchMap:

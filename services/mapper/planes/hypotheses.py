@@ -18,7 +18,7 @@ _MAX_SCAN_DIRECTIONS = 10
 _MAX_MAP_DIRECTIONS = 24
 _LEAST_WEIGHT = 0.01
 """Directions of a smaller share of the points are mostly not faces."""
-_LEAST_SUPPORT = 0.6
+_LEAST_SUPPORT = 0.7
 _MAX_ROTATIONS = 48
 _MAX_PARALLEL = np.cos(np.radians(30.0))
 _NUM_PIECES = 8
@@ -67,12 +67,12 @@ def _pairs(directions: Float, is_ordered: bool) -> tuple[NDArray[np.int64], NDAr
 
 
 def rotations(scan_normals: Float, scan_weights: Float, map_normals: Float, map_weights: Float) -> Float:
-    """Rotations R_map_lidar (H, 3, 3) that turn normals of the scan (N, 3) into normals of the map (M, 3).
-
-    The first explain the most of the scan; no two are within 8 degrees of one another.
+    """Rotations R_map_lidar (H, 3, 3) that turn normals of the scan (N, 3) into normals of the map (M, 3) or their
+    opposites, since a scan may show the backs of what is known. The first explain the most of the scan.
     """
     scan, weights = distinct_directions(scan_normals, scan_weights, _MAX_SCAN_DIRECTIONS)
-    known, _ = distinct_directions(map_normals, map_weights, _MAX_MAP_DIRECTIONS)
+    both, twice = np.concatenate([map_normals, -map_normals]), np.concatenate([map_weights, map_weights])
+    known, _ = distinct_directions(both, twice, _MAX_MAP_DIRECTIONS)
     i, j, scan_cosines = _pairs(scan, is_ordered=True)
     a, b, map_cosines = _pairs(known, is_ordered=False)
     s, m = np.nonzero(np.abs(np.arccos(scan_cosines)[:, None] - np.arccos(map_cosines)) < np.radians(8.0))
@@ -87,7 +87,17 @@ def rotations(scan_normals: Float, scan_weights: Float, map_normals: Float, map_
     while len(R) and len(kept) < _MAX_ROTATIONS:
         kept.append(R[0])
         R = R[angles_rad(R, R[0]) > np.arccos(_SAME_DIRECTION)]
-    return np.array(kept)
+    return _fitted(np.array(kept), scan, weights, known)
+
+
+def _fitted(R: Float, scan: Float, weights: Float, known: Float) -> Float:
+    """The rotations (H, 3, 3), each moved to fit all directions (D, 3) it turns into known ones (Kabsch 1976)."""
+    cosines = np.einsum("hij,sj,ki->hsk", R, scan, known)
+    nearest, w = known[cosines.argmax(axis=2)], weights * (cosines.max(axis=2) > _SAME_DIRECTION)
+    U, _, Vt = np.linalg.svd(np.einsum("hs,hsi,sj->hij", w, nearest, scan))
+    U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
+    fitted: Float = U @ Vt
+    return fitted
 
 
 def angles_rad(R: Float, of: Float) -> Float:

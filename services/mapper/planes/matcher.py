@@ -31,8 +31,10 @@ _TOLERANCE = 0.06
 """An agreement so far below the usual is looked into: right ones vary by less."""
 _SUSPECT_TOLERANCE = 0.15
 """Farther below, the best place is not believed: slips along a bar had lost 0.2 and more."""
-_SHARE_OF_USUAL = 0.7
+_SHARE_OF_USUAL = 0.75
 """A place that gains so much less than usual may be a look-alike: it is compared with others."""
+_LEAST_SHARE_OF_USUAL = 0.6
+"""A found place that gains less than this share of the usual is not believed: right ones had 0.6 to 1.1."""
 _RIVAL_SHARE = 0.85
 """Another place that gains nearly as much as the best one: look-alikes of right places had up to 0.8 of theirs."""
 _FORGETTING = 0.2
@@ -171,7 +173,8 @@ class PlaneMatcher:
             best = max(followed, key=_gain)
         rivals = [other.counts.gain for other in followed if not is_same_place(other.T, best.T, _SLIP_M)]
         is_rivalled = max(rivals, default=-1.0) > _RIVAL_SHARE * best.counts.gain
-        return best, is_rivalled or best.counts.agreement < self._usual_agreement - _SUSPECT_TOLERANCE
+        is_poor = best.counts.agreement < self._usual_agreement - _SUSPECT_TOLERANCE
+        return best, is_rivalled or is_poor or best.counts.gain < _LEAST_SHARE_OF_USUAL * self._usual_gain
 
     def _normal_sums(self, T: Float, runs: Runs, association: Association) -> tuple[Float, float, int]:
         """The Hessian (6, 6) along the map's axes, the sum of squared distances in m^2, the number of inliers."""

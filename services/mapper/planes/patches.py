@@ -16,9 +16,6 @@ from shared.kernel import kernel
 Float = NDArray[np.float64]
 
 WIDE_VOXEL_M = 0.2
-_MIN_VOXEL_M = 0.1
-_SIGMAS_A_VOXEL = 4.0
-"""A voxel in which noise is as thick as the voxel has no flat piece."""
 _PATCHES_A_VOXEL = 6
 _PATCHES_A_WIDE_VOXEL = 12
 MAX_SLOTS = 1 << 20
@@ -93,11 +90,11 @@ def _list_points(points_m: Float, patch_of: NDArray[np.int64], narrow: VoxelTabl
 class PatchMap:
     """Patches and where they are. max_patches: further ones are not taken up.
 
-    sigma_by_range_m: noise of a range, of `sigma_by_range`; usual_sigma_m: at the ranges that are met most.
+    sigma_by_range_m: noise of a range, of `sigma_by_range`. voxel_m: in which patches are looked for, and found again.
     """
 
-    def __init__(self, max_patches: int, sigma_by_range_m: Float, usual_sigma_m: float) -> None:
-        self.voxel_m = max(_MIN_VOXEL_M, _SIGMAS_A_VOXEL * usual_sigma_m)
+    def __init__(self, max_patches: int, sigma_by_range_m: Float, voxel_m: float) -> None:
+        self.voxel_m = voxel_m
         self.sigma_by_range_m = sigma_by_range_m
         self.num_patches = 0
         self._max_patches = max_patches

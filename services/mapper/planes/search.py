@@ -16,7 +16,7 @@ from shared.kernel import kernel
 
 Float = NDArray[np.float64]
 
-_ROUGH_GATE_M = 0.12
+_ROUGH_GATE_M = 0.1
 _NUM_ROUGH_RUNS = 120
 _MAX_PIECES = 60
 _MAX_CANDIDATES = 12

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 from shared.geometry import SE3
@@ -16,6 +17,15 @@ class Prior(Protocol):
 
     def correct(self, stamp_ns: int, T_map_sensor: SE3 | None) -> None:
         """Where registration found the sensor at this time, later than the last; None: it was lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A predicted motion between two scans. prior: what predicted it. is_measured: it was, and is not only a trend."""
+
+    T_last_now: SE3
+    prior: str
+    is_measured: bool
 
 
 def increment(motion: Motion, start_ns: int, end_ns: int) -> SE3:
