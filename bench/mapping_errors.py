@@ -128,7 +128,7 @@ def row_of(title: str, method: str, scan_set: ScanSet, run: Run) -> Row:
 def markdown(rows: list[Row]) -> str:
     """A line a case and method."""
     lines = [
-        "| | method | scans | ATE mm | RPE mm | pairs right | lost / wrong unsaid | ms a scan p50 / p99 | memory added MB |",
+        "| | method | scans | ATE mm | RPE mm | pairs right | lost / wrong unsaid | ms p50 / p99 | memory added MB |",
         "|---|---|--:|--:|--:|--:|--:|--:|--:|",
     ]
     for row in rows:

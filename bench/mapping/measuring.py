@@ -26,8 +26,8 @@ class RunError(Exception):
 class Run:
     """One run over K scans: wall and CPU milliseconds (K,) a scan, poses of the scans in the frame of the first.
 
-    is_lost: whether the contender itself says so, of each scan; None where it says nothing. added_rss_mb: memory that ours took
-    beyond the scans.
+    is_lost: whether the contender itself says so, of each scan; None where it says nothing. added_rss_mb: memory that
+    ours took beyond the scans.
     refined and refine_ms: poses of the whole run after refining, and what that took.
     """
 
