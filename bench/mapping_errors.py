@@ -84,7 +84,7 @@ class Row:
     num_silent: int | None = None
     ms_p50: float | None = None
     ms_p99: float | None = None
-    peak_rss_mb: float | None = None
+    added_rss_mb: float | None = None
     problem: str = ""
 
 
@@ -121,14 +121,14 @@ def row_of(title: str, method: str, scan_set: ScanSet, run: Run) -> Row:
         num_silent=num_silent(poses, scan_set.truth, run.is_lost or (False,) * len(poses)),
         ms_p50=timing.ms_p50,
         ms_p99=timing.ms_p99,
-        peak_rss_mb=run.peak_rss_mb,
+        added_rss_mb=run.added_rss_mb,
     )
 
 
 def markdown(rows: list[Row]) -> str:
     """A line a case and method."""
     lines = [
-        "| | method | scans | ATE mm | RPE mm | pairs right | lost / wrong unsaid | ms a scan p50 / p99 | memory MB |",
+        "| | method | scans | ATE mm | RPE mm | pairs right | lost / wrong unsaid | ms p50 / p99 | memory added MB |",
         "|---|---|--:|--:|--:|--:|--:|--:|--:|",
     ]
     for row in rows:
@@ -138,7 +138,7 @@ def markdown(rows: list[Row]) -> str:
             continue
         lines.append(
             f"{start} {row.ate_mm:.2f} | {row.rpe_mm:.2f} | {row.num_pairs_ok} of {row.num_scans - 1} "
-            f"| {row.num_lost} / {row.num_silent} | {row.ms_p50:.2f} / {row.ms_p99:.2f} | {row.peak_rss_mb or 0:.0f} |"
+            f"| {row.num_lost} / {row.num_silent} | {row.ms_p50:.2f} / {row.ms_p99:.2f} | {row.added_rss_mb or 0:.0f} |"
         )
     return "\n".join(lines) + "\n"
 
@@ -146,14 +146,14 @@ def markdown(rows: list[Row]) -> str:
 def main() -> None:
     """Measures and prints a table; writes it and the figures where asked."""
     parser = argparse.ArgumentParser(prog="python -m bench.mapping_errors", description=__doc__)
-    parser.add_argument("--only", default="", help="cases whose title has this in it")
+    parser.add_argument("--only", nargs="+", default=[""], help="cases whose title has one of these in it")
     parser.add_argument("--core", type=int, default=0, help="all run on this one")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--markdown", type=Path)
     arguments = parser.parse_args()
     launcher, rows = Launcher(Path(sys.executable)), list[Row]()
     contenders = [each for key in _KEYS for each in CONTENDERS if (each.key, each.voxel_m) == (key, _VOXEL_M)]
-    for case in (case for case in CASES if arguments.only in case.title):
+    for case in (case for case in CASES if any(word in case.title for word in arguments.only)):
         scan_set = read_scan_set(folder_of(case, _CACHE), case.bias_m).first(case.max_scans)
         npz = _CACHE / "scans.npz"
         write_npz(scan_set, npz)

@@ -26,7 +26,8 @@ class RunError(Exception):
 class Run:
     """One run over K scans: wall and CPU milliseconds (K,) a scan, poses of the scans in the frame of the first.
 
-    is_lost: whether the contender itself says so, of each scan; None where it says nothing. peak_rss_mb: of ours.
+    is_lost: whether the contender itself says so, of each scan; None where it says nothing. added_rss_mb: memory that
+    ours took beyond the scans.
     refined and refine_ms: poses of the whole run after refining, and what that took.
     """
 
@@ -34,7 +35,7 @@ class Run:
     cpu_ms: tuple[float, ...]
     poses: tuple[SE3, ...]
     is_lost: tuple[bool, ...] | None = None
-    peak_rss_mb: float | None = None
+    added_rss_mb: float | None = None
     refined: tuple[SE3, ...] | None = None
     refine_ms: float = 0.0
 
@@ -104,7 +105,7 @@ def parse_run(text: str) -> Run:
         cpu_ms=tuple(line["cpu_ms"] for line in scans),
         poses=poses,
         is_lost=lost or None,
-        peak_rss_mb=rest.get("peak_rss_mb"),
+        added_rss_mb=rest.get("added_rss_mb"),
         refined=refined,
         refine_ms=rest.get("refine_ms", 0.0),
     )

@@ -8,7 +8,6 @@ With `refine` a last line has the refined poses, and what refining took.
 from __future__ import annotations
 
 import json
-import resource
 import sys
 import time
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import psutil
 from numpy.typing import NDArray
 
 from services.mapper.mapper import Mapper
@@ -111,11 +111,13 @@ def _prior(job: Job) -> Prior | None:
 
 
 def main() -> None:
-    """Warms up, runs the job, and says how much memory that took."""
+    """Warms up, runs the job, and says how much memory that took beyond the scans themselves."""
     job = read_job(sys.argv[1:])
     warm_up(job.config, is_refining=job.is_refined)
+    process = psutil.Process()
+    before = process.memory_info().rss
     run(job)
-    _say(peak_rss_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    _say(added_rss_mb=(process.memory_info().rss - before) / 2**20)
 
 
 if __name__ == "__main__":

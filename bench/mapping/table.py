@@ -14,7 +14,10 @@ _HEAD = (
 )
 
 INTRODUCTION = """\
-Made by `python -m bench.mapping`; all figures are measured, none are taken from elsewhere.
+Made by `python -m bench.mapping --peers-python PEERS/bin/python --json FILE --markdown FILE`; all figures are measured,
+none are taken from elsewhere. PEERS is an environment with `kiss-icp`, `genz-icp` and numpy; PCL takes part after
+`make -C bench/pcl`, where libpcl-dev is installed. `--data DIR` takes your own scans. Without it `climb` is the shipped
+climb in 75 scans with 8 mm noise, and `climb_hard` the same in 25 with 30 mm and leg odometry as prior.
 
 - Every contender gets the same points, from 0.5 to 10 m, and runs in a process of its own with one thread, bound to one
   core; contenders run in turn, as often as stated. Reading files is not timed; range gate, thinning, normals,

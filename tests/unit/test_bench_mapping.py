@@ -61,12 +61,12 @@ def test_a_run_is_read_from_its_lines() -> None:
     poses = [SE3.identity(), SE3.trans(1.0)]
     lines = [_line(poses[0], 5.0, is_lost=False), "a warning", _line(poses[1], 7.0, is_lost=True)]
     refined = {"refined": [pose.matrix.ravel().tolist() for pose in poses], "refine_ms": 3.0}
-    run = parse_run("\n".join([*lines, json.dumps({"peak_rss_mb": 80.5}), json.dumps(refined)]))
+    run = parse_run("\n".join([*lines, json.dumps({"added_rss_mb": 80.5}), json.dumps(refined)]))
     assert run.ms == (5.0, 7.0)
     assert run.cpu_ms == (2.5, 3.5)
     assert run.is_lost == (False, True)
     assert parse_run(_line(poses[0], 1.0)).is_lost is None
-    assert run.peak_rss_mb == 80.5
+    assert run.added_rss_mb == 80.5
     assert run.refined is not None
     np.testing.assert_array_equal(run.refined[1].translation, [1.0, 0.0, 0.0])
     assert run.refine_ms == 3.0
