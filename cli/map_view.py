@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from services.mapper.mapper import Mapper
-from shared.geometry import SE3
 from shared.messaging.channels import MAP_CLOUD, MAP_PLANES
 from shared.messaging.messages import MapStatus, Message, Odometry
 
@@ -61,11 +60,9 @@ class _Drawing:
                 self._stream.set_time("time", duration=message.stamp_ns * 1e-9)
                 self._stream.log("status/score", rr.Scalars(message.score))
                 self._stream.log("status/registration_ms", rr.Scalars(message.registration_ms))
-        poses = [message for message in said if isinstance(message, Odometry)]
-        for odometry in poses:
-            T_map_sensor = SE3.from_xyz_quat_xyzw(odometry.T_frame_child)
-            self._way.append(T_map_sensor.translation)
-            scan_m = T_map_sensor.apply(mapper.last_points_m)
+        if mapper.last is not None and any(isinstance(message, Odometry) for message in said):
+            self._way.append(mapper.last.T_map_sensor.translation)
+            scan_m = mapper.last.T_map_sensor.apply(mapper.last.points_m)
             self._stream.log("map/scan", rr.Points3D(scan_m, radii=0.01, colors=[255, 170, 40]))
             self._stream.log("map/way", rr.LineStrips3D([np.array(self._way)], colors=[80, 200, 255]))
         if len(self._way) % _MAP_EVERY == 1:

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from cli.scan_sources import ScanSource, Warn
 from services.evaluator.map_accuracy import num_points_off_planes
-from services.mapper.mapper import Mapper
+from services.mapper.mapper import Mapper, Registered
 from services.mapper.node import load_mapper
 from services.mapper.priors.interface import Prior
 from services.mapper.warming import warm_up
-from services.mapper.whole_run import WholeRun, refined
+from services.mapper.whole_run import refined
 from shared.geometry import SE3
 from shared.messaging.messages import (
     CameraInfo,
@@ -43,8 +43,8 @@ class MapRun:
     """What mapping gave.
 
     poses: T_map_sensor of each scan, which begins with the identity; of a lost scan as predicted. is_tracked: of each.
-    statuses: one a scan. map_points_m (N, 3): in the map frame. refine_ms: what the refinement took, 0 without. num_loops:
-    returns that closed one.
+    statuses: one a scan. map_points_m (N, 3): in the map frame. refine_ms: what the refinement took, 0 without.
+    num_loops: returns that closed one.
     """
 
     stamps_ns: list[int] = field(default_factory=list)
@@ -80,21 +80,23 @@ def map_scans(
     if is_refining:
         warm_up(config.mapper, is_refining=True)
     run = MapRun()
-    kept: list[NDArray[np.floating]] = []
+    kept: list[Registered] = []
     for message in source.messages(warn):
         said = _fed(mapper, message)
         for answer in said:
             _note(run, answer, source)
         if isinstance(message, LidarScan | DepthImage) and said:
-            if is_refining:
-                kept.append(mapper.last_points_m)
+            if is_refining and mapper.last is not None:
+                kept.append(mapper.last)
             on_scan(mapper, said)
     run.map_points_m, run.planes = mapper.target.points_m, mapper.map_planes()
     if is_refining and any(run.is_tracked):
         started_ns = time.perf_counter_ns()
-        whole = refined(WholeRun(kept, run.poses, run.is_tracked), mapper.target.matcher, config.mapper)
+        whole = refined(kept, mapper.target.matcher, config.mapper)
         run.refine_ms = (time.perf_counter_ns() - started_ns) / 1e6
-        run.poses, run.num_loops, run.map_points_m = whole.poses, whole.num_loops, whole.map_points_m
+        run.num_loops, run.map_points_m = whole.num_loops, whole.map_points_m
+        since_taken = [scan.T_map_sensor.inv() @ pose for scan, pose in zip(kept, run.poses, strict=True)]
+        run.poses = [pose @ step for pose, step in zip(whole.poses, since_taken, strict=True)]
     return run
 
 

@@ -16,16 +16,15 @@ from pathlib import Path
 
 import numpy as np
 import psutil
-from numpy.typing import NDArray
 
-from services.mapper.mapper import Mapper
+from services.mapper.mapper import Mapper, Registered
 from services.mapper.priors.interface import Prior
 from services.mapper.priors.known_trajectory import KnownTrajectory
-from services.mapper.registration import Points
 from services.mapper.warming import warm_up
-from services.mapper.whole_run import refined_poses
+from services.mapper.whole_run import refined
 from shared.geometry import SE3
-from shared.messaging.messages import LidarScan, MapStatus, Odometry
+from shared.messaging.messages import LidarScan, Odometry
+from shared.messaging.scans import scan_of
 from shared.runtime.config import MapperConfig
 
 
@@ -44,7 +43,7 @@ def read_job(arguments: list[str]) -> Job:
     archive = np.load(Path(arguments[0]))
     points_m, t_ns, rows = archive["points"], archive["t_ns"], pairwise(archive["starts"])
     stamps_ns = archive["stamps_ns"].tolist()
-    scans = [_scan(points_m[a:b], t_ns[a:b], stamps_ns[k], k) for k, (a, b) in enumerate(rows)]
+    scans = [scan_of(points_m[a:b], stamps_ns[k], k, t_ns=t_ns[a:b]) for k, (a, b) in enumerate(rows)]
     method, scan_to, *options = arguments[1].split(":")
     guesses = None
     if len(arguments) > 3:
@@ -55,21 +54,24 @@ def read_job(arguments: list[str]) -> Job:
 def run(job: Job) -> None:
     """Maps all scans, a line each; then refines if asked to, which is a line more."""
     mapper = Mapper(job.config, time.perf_counter_ns, prior=_prior(job))
-    poses, is_tracked, kept = list[SE3](), list[bool](), list[Points]()
+    poses, kept = list[SE3](), list[Registered]()
     for scan in job.scans:
         started, cpu_started = time.perf_counter(), time.process_time()
         said = mapper.add_scan(scan, 0)
         ms, cpu_ms = 1e3 * (time.perf_counter() - started), 1e3 * (time.process_time() - cpu_started)
         odometry = next((m for m in said if isinstance(m, Odometry)), None)
         poses.append(SE3.identity() if odometry is None else SE3.from_xyz_quat_xyzw(odometry.T_frame_child))
-        is_tracked.append(next(m for m in said if isinstance(m, MapStatus)).is_tracking)
+        assert mapper.last is not None
         if job.is_refined:
-            kept.append(mapper.last_points_m)
-        _say(ms=ms, cpu_ms=cpu_ms, pose=_row_major(poses[-1]), is_lost=not is_tracked[-1])
+            kept.append(mapper.last)
+        _say(ms=ms, cpu_ms=cpu_ms, pose=_row_major(poses[-1]), is_lost=not mapper.last.is_tracked)
     if job.is_refined:
         cpu_started = time.process_time()
-        refined = refined_poses(kept, poses, is_tracked, mapper.target.matcher, job.config)
-        _say(refine_ms=1e3 * (time.process_time() - cpu_started), refined=[_row_major(pose) for pose in refined])
+        whole = refined(kept, mapper.target.matcher, job.config)
+        refine_ms = 1e3 * (time.process_time() - cpu_started)
+        since_taken = [scan.T_map_sensor.inv() @ pose for scan, pose in zip(kept, poses, strict=True)]
+        at_stamps = [pose @ step for pose, step in zip(whole.poses, since_taken, strict=True)]
+        _say(refine_ms=refine_ms, refined=[_row_major(pose) for pose in at_stamps])
 
 
 def _say(**line: object) -> None:
@@ -86,19 +88,6 @@ def _config(method: str, scan_to: str, voxel_m: float) -> MapperConfig:
     if scan_to == "scan":
         settings |= {"min_score": 1e-6, "max_jump_m": 100.0, "max_jump_deg": 180.0}
     return MapperConfig.model_validate({**settings, "prior": "constant_velocity", "map_rate_hz": 1e-6})
-
-
-def _scan(points_m: NDArray[np.float32], t_ns: NDArray[np.uint32], stamp_ns: int, k: int) -> LidarScan:
-    num_points = len(points_m)
-    return LidarScan(
-        stamp_ns=stamp_ns,
-        seq=k,
-        frame="lidar",
-        points_m=points_m,
-        intensity=np.zeros(num_points, dtype=np.float32),
-        t_ns=t_ns,
-        ring=np.zeros(num_points, dtype=np.uint16),
-    )
 
 
 def _prior(job: Job) -> Prior | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from services.mapper.target import Target
 from services.mapper.tracking import Track
 from shared.depth_points import points_of
 from shared.deskew import deskewed
+from shared.geometry import SE3
 from shared.messaging.messages import (
     CameraInfo,
     DepthImage,
@@ -36,6 +38,33 @@ from shared.runtime.config import MapperConfig
 
 MAP_FRAME = "map"
 Points = NDArray[np.floating]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Registered:
+    """points_m: of a scan as it was registered, filtered and straightened (N, 3), in the sensor's frame.
+
+    T_map_sensor: where they were found, or predicted if not `is_tracked`; of a straightened scan in its middle.
+    """
+
+    points_m: Points
+    T_map_sensor: SE3
+    is_tracked: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Measured:
+    """What a sensor measured: points_m (N, 3) in `frame`, all as if taken at `taken_ns`.
+
+    seq: of the message. started_ns, received_ns: when work on it began and when it came, on the wall's clock.
+    """
+
+    points_m: Points
+    taken_ns: int
+    seq: int
+    frame: str
+    started_ns: int
+    received_ns: int
 
 
 class Mapper:
@@ -62,8 +91,8 @@ class Mapper:
         self._scans = SequenceCounter()
         self._reports = Reports()
         self._camera: CameraInfo | None = None
-        self.last_points_m: Points = np.empty((0, 3))
-        """The last scan as it was registered: filtered and straightened (N, 3), in the sensor's frame."""
+        self.last: Registered | None = None
+        """The last scan."""
         self._stamp_ns = 0
         self._num_sent: dict[type[Message], int] = {}
         self._map_period = -1
@@ -99,8 +128,9 @@ class Mapper:
         """
         started_ns = self._clock_ns()
         said = self._begin(scan.stamp_ns, scan.frame)
-        points_m = self._straightened(scan) if self._config.deskew else scan.points_m
-        return [*said, *self._add(points_m, scan.seq, scan.frame, started_ns, received_ns)]
+        points_m, taken_ns = self._straightened(scan)
+        measured = _Measured(points_m, taken_ns, scan.seq, scan.frame, started_ns, received_ns)
+        return [*said, *self._add(measured)]
 
     def set_camera(self, info: CameraInfo) -> list[Message]:
         """Takes the intrinsics of the images that follow."""
@@ -116,7 +146,8 @@ class Mapper:
         said = self._begin(image.stamp_ns, image.frame)
         depth_mm = image.depth_mm.reshape(image.height, image.width)
         points_m = points_of(depth_mm, camera.fx, camera.fy, camera.cx, camera.cy, self._config.depth_stride)
-        return [*said, *self._add(points_m, image.seq, image.frame, started_ns, received_ns)]
+        measured = _Measured(points_m, image.stamp_ns, image.seq, image.frame, started_ns, received_ns)
+        return [*said, *self._add(measured)]
 
     def map_cloud(self) -> PointCloud:
         """The map as it is now."""
@@ -145,37 +176,50 @@ class Mapper:
         self._stamp_ns = stamp_ns
         return self._motion.begin(stamp_ns, frame)
 
-    def _straightened(self, scan: LidarScan) -> NDArray[np.float32]:
-        if not scan.t_ns.any():
-            return scan.points_m
-        motion = self._motion.during(scan.stamp_ns, scan.stamp_ns + int(scan.t_ns.max()))
-        return scan.points_m if motion is None else deskewed(scan, motion)
+    def _straightened(self, scan: LidarScan) -> tuple[Points, int]:
+        """The points as if all were measured at one time, and that time: the middle of the scan.
 
-    def _add(self, points_m: Points, seq: int, frame: str, started_ns: int, received_ns: int = 0) -> list[Message]:
-        self._scans.add(seq)
-        filtered = self._filter.filtered(points_m, self._motion.body_mask(points_m, self._stamp_ns))
-        self.last_points_m = filtered.points_m
-        step = self._motion.step(self._stamp_ns)
-        track = self._target.add(filtered.points_m, step)
+        An error of the velocity then moves the first and the last points to opposite sides, and the pose hardly. At the
+        first scan, whose pose is the map's frame, it is the beginning.
+        """
+        if not self._config.deskew or not scan.t_ns.any():
+            return scan.points_m, scan.stamp_ns
+        last_ns = scan.stamp_ns + int(scan.t_ns.max())
+        taken_ns = (scan.stamp_ns + last_ns) // 2 if self._target.has_begun else scan.stamp_ns
+        motion = self._motion.during(scan.stamp_ns, last_ns)
+        return (scan.points_m if motion is None else deskewed(scan, motion, taken_ns)), taken_ns
+
+    def _add(self, measured: _Measured) -> list[Message]:
+        taken_ns = measured.taken_ns
+        self._scans.add(measured.seq)
+        is_body = self._motion.body_mask(measured.points_m, taken_ns)
+        points_m = self._filter.filtered(measured.points_m, is_body).points_m
+        step = self._motion.step(taken_ns)
+        track = self._target.add(points_m, step)
+        self.last = Registered(points_m, track.T_map_sensor, track.is_tracking)
         registered_ns = self._clock_ns()
-        self._motion.correct(self._stamp_ns, track.T_map_sensor if track.is_tracking else None)
-        slip = self._motion.slip(self._stamp_ns, track)
+        self._motion.correct(taken_ns, track.T_map_sensor if track.is_tracking else None)
+        slip = self._motion.slip(taken_ns, track)
         is_slip = self._motion.is_slip(slip)
         times = {
-            "registration_ms": (registered_ns - started_ns) / 1e6,
-            "lag_ms": (self._clock_ns() - received_ns) / 1e6,
+            "registration_ms": (registered_ns - measured.started_ns) / 1e6,
+            "lag_ms": (self._clock_ns() - measured.received_ns) / 1e6,
         }
-        status = self._status(seq, track, step, slip.distance_m if slip else None, times)
-        odometry = [self._odometry(frame, track)] if self._target.has_begun else []
+        status = self._status(measured.seq, track, step, slip.distance_m if slip else None, times)
+        odometry = [self._odometry(measured, track)] if self._target.has_begun else []
         return [*odometry, status, *self._reports.events(status, track, slip if is_slip else None), *self._due_map()]
 
-    def _odometry(self, frame: str, track: Track) -> Odometry:
+    def _odometry(self, measured: _Measured, track: Track) -> Odometry:
+        """At the scan's own stamp, from where it was taken."""
+        T_map_sensor = track.T_map_sensor
+        if measured.taken_ns != self._stamp_ns:
+            T_map_sensor = T_map_sensor @ self._motion.back(measured.taken_ns, self._stamp_ns)
         return Odometry(
             stamp_ns=self._stamp_ns,
             seq=self._next_seq(Odometry),
             frame=MAP_FRAME,
-            child_frame=estimated_frame(frame),
-            T_frame_child=track.T_map_sensor.xyz_quat_xyzw,
+            child_frame=estimated_frame(measured.frame),
+            T_frame_child=T_map_sensor.xyz_quat_xyzw,
             covariance=covariance(track.result) if track.is_tracking and track.result is not None else None,
         )
 

@@ -9,7 +9,7 @@ from services.mapper.body import BodyFilter
 from services.mapper.postures import Mount, Postures, mount_of
 from services.mapper.priors.constant_velocity import ConstantVelocity
 from services.mapper.priors.inertial import Inertial
-from services.mapper.priors.interface import Prior, Step, increment
+from services.mapper.priors.interface import Prior, Step
 from services.mapper.priors.leg_odometry import LegOdometry
 from services.mapper.registration import Points
 from services.mapper.slip import Disagreement, SlipWatch
@@ -86,10 +86,15 @@ class MotionModel:
         """From the last scan to this one; none at the first scan, or where nothing is known."""
         if self._last_ns is not None:
             for name, prior in self._priors.items():
-                motion = prior.motion(self._last_ns, stamp_ns)
-                if motion is not None:
-                    return Step(increment(motion, self._last_ns, stamp_ns), name, is_measured=name in MEASURED)
+                T_last_now = prior.step(self._last_ns, stamp_ns)
+                if T_last_now is not None:
+                    return Step(T_last_now, name, is_measured=name in MEASURED)
         return Step(SE3.identity(), TREND, is_measured=False)
+
+    def back(self, stamp_ns: int, to_ns: int) -> SE3:
+        """T_now_then: the sensor at an earlier time seen from itself; the identity where nothing is known."""
+        steps = (prior.step(stamp_ns, to_ns) for prior in self._priors.values())
+        return next((step for step in steps if step is not None), SE3.identity())
 
     def correct(self, stamp_ns: int, T_map_sensor: SE3 | None) -> None:
         """Where registration found the sensor; None: it was lost."""

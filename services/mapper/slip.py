@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mapper.priors.interface import increment
 from services.mapper.priors.leg_odometry import LegOdometry
 from shared.geometry import SE3
 
@@ -38,10 +37,10 @@ class SlipWatch:
         while len(self._tracked) > 2 and stamp_ns - self._tracked[1][0] >= _WINDOW_NS:
             self._tracked.popleft()
         start_ns, start = self._tracked[0]
-        motion = legs.motion(start_ns, stamp_ns) if start_ns < stamp_ns else None
-        if motion is None:
+        step = legs.step(start_ns, stamp_ns) if start_ns < stamp_ns else None
+        if step is None:
             return None
-        difference = increment(motion, start_ns, stamp_ns).inv() @ (start.inv() @ T_map_sensor)
+        difference = step.inv() @ (start.inv() @ T_map_sensor)
         return Disagreement(float(np.linalg.norm(difference.translation)), difference.angle_rad)
 
     def is_slip(self, found: Disagreement) -> bool:

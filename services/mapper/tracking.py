@@ -58,7 +58,7 @@ class Tracker:
     def follow(self, points_m: Points, step: SE3, *, is_measured: bool = False) -> Track:
         """Finds a filtered scan (N, 3), in the sensor's frame, in the map. step: T_last_now as predicted.
 
-        is_measured: the step comes from a measurement of the motion rather than from its trend, and is searched about less.
+        is_measured: the step comes from a measurement of the motion rather than from its trend: less is searched.
         """
         prediction = self._T_map_sensor @ step
         guesses = [prediction, self._T_map_tracked]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.mapper.mapper import Mapper
-from services.mapper.whole_run import WholeRun, refined
+from services.mapper.whole_run import refined
 from shared.geometry import SE3
 from shared.messaging.messages import CameraInfo, DepthImage
 from shared.messaging.scans import scan_of
@@ -21,16 +21,15 @@ def warm_up(config: MapperConfig, *, is_refining: bool = False) -> None:
     ranges = {"min_range_m": 0.1, "max_range_m": 20.0, "crop_m": None, "map_file": None}
     mapper = Mapper(config.model_copy(update=ranges))
     pose = SE3.identity()
-    scans, poses = [], []
+    run = []
     for k in range(4):
         points_m = pose.inv().apply(_room(k))
         mapper.add_scan(scan_of(points_m, k * 10**8, k, t_ns=np.arange(len(points_m)) % 1000))
-        scans.append(mapper.last_points_m)
-        poses.append(pose)
+        run.append(mapper.last)
         pose = pose @ _STEP
     mapper.map_planes()
     if is_refining:
-        refined(WholeRun(scans, poses, [True] * len(poses)), mapper.target.matcher, config)
+        refined([scan for scan in run if scan is not None], mapper.target.matcher, config)
     centre_px = (_SIZE_PX - 1) / 2
     mapper.set_camera(
         CameraInfo(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.mapper.loop_closure import close_loops
+from services.mapper.mapper import Registered
 from services.mapper.planes.growth import map_of_scans
 from services.mapper.planes.matcher import PlaneMatcher
 from services.mapper.planes.refinement import refine
@@ -22,24 +23,15 @@ _KEYFRAME_STEP_M, _KEYFRAME_STEP_RAD = 0.3, 0.35
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WholeRun:
-    """scans: filtered, (N, 3) each, in the sensor's frame. poses: T_map_sensor. is_tracked: whether each was believed."""
-
-    scans: Sequence[Points]
-    poses: Sequence[SE3]
-    is_tracked: Sequence[bool]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class RefinedRun:
-    """T_map_sensor of each scan; how many returns closed a loop; the map's cloud (N, 3)."""
+    """poses: T_map_sensor of each scan as it was registered; how many returns closed a loop; the map's cloud (N, 3)."""
 
     poses: list[SE3]
     num_loops: int
     map_points_m: NDArray[np.float64]
 
 
-def refined(run: WholeRun, matcher: ScanMatcher, config: MapperConfig) -> RefinedRun:
+def refined(run: Sequence[Registered], matcher: ScanMatcher, config: MapperConfig) -> RefinedRun:
     """The run as its whole sees it.
 
     matcher: of the run. Its planes are the beginning where they are those of the map; otherwise, as where only the last
@@ -48,8 +40,8 @@ def refined(run: WholeRun, matcher: ScanMatcher, config: MapperConfig) -> Refine
     Raises:
         RegistrationError: no scan shows planes.
     """
-    tracked = [k for k, is_known in enumerate(run.is_tracked) if is_known]
-    scans, poses = [run.scans[k] for k in tracked], [run.poses[k] for k in tracked]
+    tracked = [k for k, scan in enumerate(run) if scan.is_tracked]
+    scans, poses = [run[k].points_m for k in tracked], [run[k].T_map_sensor for k in tracked]
     num_loops = 0
     if isinstance(matcher, PlaneMatcher) and config.scan_to == "map":
         patch_map = matcher.patch_map
@@ -79,9 +71,9 @@ def _with_loops_closed(scans: Sequence[Points], poses: Sequence[SE3], config: Ma
     return moved, len(closed.returns)
 
 
-def _with_lost(run: WholeRun, found: dict[int, SE3]) -> list[SE3]:
+def _with_lost(run: Sequence[Registered], found: dict[int, SE3]) -> list[SE3]:
     poses: list[SE3] = []
-    for k, pose in enumerate(run.poses):
-        step = run.poses[k - 1].inv() @ pose if k else pose
-        poses.append(found[k] if k in found else (poses[-1] @ step if poses else pose))
+    for k, scan in enumerate(run):
+        step = run[k - 1].T_map_sensor.inv() @ scan.T_map_sensor if k else scan.T_map_sensor
+        poses.append(found[k] if k in found else (poses[-1] @ step if poses else step))
     return poses

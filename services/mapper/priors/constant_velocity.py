@@ -29,6 +29,10 @@ class ConstantVelocity:
         poses = [self._pose(stamp_ns).xyz_quat_xyzw for stamp_ns in stamps_ns.tolist()]
         return Motion(stamps_ns, np.array(poses)[:, np.newaxis])
 
+    def step(self, start_ns: int, end_ns: int) -> SE3 | None:
+        """None before the first correction."""
+        return None if self._stamp_ns is None else SE3.exp(self.twist_per_s * ((end_ns - start_ns) * 1e-9))
+
     def correct(self, stamp_ns: int, T_map_sensor: SE3 | None) -> None:
         """Takes the velocity since the last correction that was a pose."""
         if T_map_sensor is None:

@@ -10,6 +10,7 @@ from bisect import bisect_left
 
 import numpy as np
 
+from services.mapper.priors.interface import step_of
 from shared.geometry import SE3, Float
 from shared.messaging.messages import Imu
 from shared.motion import Motion
@@ -47,14 +48,19 @@ class Inertial:
             return None
         inner = [stamp for stamp in self._stamps_ns if start_ns < stamp < end_ns]
         stamps_ns = [start_ns, *inner, *([end_ns] if end_ns > start_ns else [])]
-        at_found = self._turn(self._found[0], start_ns)
-        R_map_start = self._found[1].rotation @ at_found
+        found_ns, found = self._found
+        to_start = self._turn(found_ns, start_ns) if found_ns <= start_ns else self._turn(start_ns, found_ns).T
+        R_map_start = found.rotation @ to_start
         rotation, poses = np.eye(3), []
         for before_ns, stamp_ns in zip([start_ns, *stamps_ns], stamps_ns, strict=False):
             rotation = rotation @ self._turn(before_ns, stamp_ns)
             shift_m = self._velocity_mps @ R_map_start * ((stamp_ns - start_ns) * 1e-9)
             poses.append(SE3.projected(_homogeneous(rotation, shift_m)).xyz_quat_xyzw)
         return Motion(stamps_ns, np.array(poses)[:, np.newaxis])
+
+    def step(self, start_ns: int, end_ns: int) -> SE3 | None:
+        """From `motion`."""
+        return step_of(self.motion, start_ns, end_ns)
 
     def correct(self, stamp_ns: int, T_map_sensor: SE3 | None) -> None:
         """Learns velocity and bias since the last correction."""

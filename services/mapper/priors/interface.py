@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -14,6 +15,9 @@ class Prior(Protocol):
 
     def motion(self, start_ns: int, end_ns: int) -> Motion | None:
         """T_fixed_sensor over this time, in any frame that stands still; None where nothing is known of it."""
+
+    def step(self, start_ns: int, end_ns: int) -> SE3 | None:
+        """T_start_end of the sensor; None where nothing is known of it."""
 
     def correct(self, stamp_ns: int, T_map_sensor: SE3 | None) -> None:
         """Where registration found the sensor at this time, later than the last; None: it was lost."""
@@ -33,3 +37,9 @@ def increment(motion: Motion, start_ns: int, end_ns: int) -> SE3:
     rotations, translations_m = motion.at([start_ns, end_ns])
     start, end = (SE3(R[0], t[0]) for R, t in zip(rotations, translations_m, strict=True))
     return start.inv() @ end
+
+
+def step_of(motion_over: Callable[[int, int], Motion | None], start_ns: int, end_ns: int) -> SE3 | None:
+    """T_start_end from what gives the motion over a time; the start may be after the end."""
+    motion = motion_over(min(start_ns, end_ns), max(start_ns, end_ns))
+    return None if motion is None else increment(motion, start_ns, end_ns)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from services.mapper.priors.interface import step_of
 from shared.geometry import SE3
 from shared.motion import Motion
 
@@ -25,6 +26,10 @@ class KnownTrajectory:
         """None beyond either end."""
         is_known = self._stamps_ns[0] <= start_ns and end_ns <= self._stamps_ns[-1]
         return self._motion if is_known else None
+
+    def step(self, start_ns: int, end_ns: int) -> SE3 | None:
+        """From `motion`."""
+        return step_of(self.motion, start_ns, end_ns)
 
     def correct(self, stamp_ns: int, T_map_sensor: SE3 | None) -> None:
         """What is known stays as it is."""

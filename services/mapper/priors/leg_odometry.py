@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from services.mapper.postures import Postures
+from services.mapper.priors.interface import step_of
 from shared.geometry import SE3, Float
 from shared.messaging.messages import Foot, LegState
 from shared.motion import Motion
@@ -50,6 +51,10 @@ class LegOdometry:
         feet, sensors = self._postures.feet(links), self._postures.sensor(links)
         poses = [self._pose(stamp_ns, k, feet, sensors) for k, stamp_ns in enumerate(stamps_ns)]
         return Motion(stamps_ns, np.array(poses)[:, np.newaxis])
+
+    def step(self, start_ns: int, end_ns: int) -> SE3 | None:
+        """From `motion`."""
+        return step_of(self.motion, start_ns, end_ns)
 
     def correct(self, stamp_ns: int, T_map_sensor: SE3 | None) -> None:
         """Legs learn nothing from scans."""
