@@ -27,7 +27,7 @@ Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
 _USUAL_CHI2 = 2.0
-"""A block whose points lie farther off their patch than twice what noise explains counts less: it may be a wrong one."""
+"""A block whose points lie farther off their patch than twice what noise explains counts less: it may be wrong."""
 _PATCH_HELD = 1e-2
 
 

@@ -16,7 +16,14 @@ from services.mapper.planes.noise import sigma_by_range
 from services.mapper.planes.order import in_order
 from services.mapper.planes.patches import Patches, PatchMap
 from services.mapper.planes.runs import Runs, cut_runs
-from services.mapper.planes.search import Reach, candidates, candidates_anywhere, is_same_place, pieces_of, weakly_shifted
+from services.mapper.planes.search import (
+    Reach,
+    candidates,
+    candidates_anywhere,
+    is_same_place,
+    pieces_of,
+    weakly_shifted,
+)
 from services.mapper.registration import Points, RegistrationResult
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig

@@ -1,7 +1,7 @@
 """Whole-run refinement: all poses and all patches together, from the moments of each scan on each patch.
 
-Scans are condensed once, ten numbers a (scan, patch): a block. Then Gauss-Newton over poses and patches, where the
-poses are eliminated (6 x 6 each) and the patches, which are fewer, are solved for densely (bundle adjustment of planes).
+Scans are condensed to ten numbers a (scan, patch): a block. Then Gauss-Newton over poses and patches, where the poses
+are eliminated (6 x 6 each) and the patches, which are fewer, are solved for densely (bundle adjustment of planes).
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _worth_solving(blocks: Blocks, num_patches: int) -> Blocks:
     is_chosen = num_scans > 1
     is_chosen[np.argsort(-num_scans, kind="stable")[_MAX_PATCHES:]] = False
     keep = is_chosen[blocks.patches]
-    return Blocks(*(values[keep] for values in blocks))
+    return Blocks(blocks.scans[keep], blocks.patches[keep], blocks.moments[keep], blocks.num_points[keep])
 
 
 def _solve(blocks: Blocks, T: Float, planes: Float, origins: Float) -> None:
