@@ -45,7 +45,7 @@ def room() -> list[Box]:
     return [Box(SE3.trans(*centre), half) for centre, half in walls]
 
 
-def grid_of_rays(num_rows: int = 64, num_columns: int = 360) -> np.ndarray:
+def grid_of_rays(num_rows: int = 128, num_columns: int = 512) -> np.ndarray:
     """Unit vectors (N, 3), row by row, 45 degrees up and down."""
     elevation, azimuth = np.meshgrid(
         np.radians(np.linspace(-45, 45, num_rows)), np.arange(num_columns) * 2 * np.pi / num_columns, indexing="ij"

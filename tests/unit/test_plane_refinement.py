@@ -47,7 +47,7 @@ def test_scans_that_can_be_read_once_are_refined_in_one_pass(scans, rough_poses)
 def test_exact_scans_at_true_poses_stay_where_they_are():
     exact = [scan(frame_of_bars(), T, grid_of_rays()) for T in POSES]
     patch_map = map_of_scans(exact, [T.matrix[:3] for T in POSES], MapperConfig(range_noise_m=0.002))
-    assert rms_mm(refine(exact, POSES, patch_map).poses) < 0.02
+    assert rms_mm(refine(exact, POSES, patch_map).poses) < 0.05
 
 
 def test_scans_without_points_stay_where_they_were(scans):
