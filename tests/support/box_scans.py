@@ -63,11 +63,15 @@ def scan(boxes: list[Box], T_world_lidar: SE3, rays: np.ndarray, sigma_m: object
     ranges_m = np.full(len(rays), np.inf)
     for box in boxes:
         T_box_lidar = box.T_world_box.inv() @ T_world_lidar
-        with np.errstate(divide="ignore"):
-            inverse = 1.0 / (rays @ T_box_lidar.rotation.T)
-        low = (-np.array(box.half_m) - T_box_lidar.translation) * inverse
-        high = (np.array(box.half_m) - T_box_lidar.translation) * inverse
-        enter, leave = np.minimum(low, high).max(axis=1), np.maximum(low, high).min(axis=1)
+        enter, leave = np.full(len(rays), -np.inf), np.full(len(rays), np.inf)
+        for axis, half_m in enumerate(box.half_m):
+            with np.errstate(divide="ignore"):
+                inverse = 1.0 / (rays @ T_box_lidar.rotation[axis])
+            ends = (
+                (-half_m - T_box_lidar.translation[axis]) * inverse,
+                (half_m - T_box_lidar.translation[axis]) * inverse,
+            )
+            enter, leave = np.maximum(enter, np.minimum(*ends)), np.minimum(leave, np.maximum(*ends))
         ranges_m = np.where((enter < leave) & (enter > 0.0), np.minimum(ranges_m, enter), ranges_m)
     met = np.isfinite(ranges_m)
     sigmas_m = sigma_m(ranges_m[met]) if callable(sigma_m) else np.full(met.sum(), sigma_m)

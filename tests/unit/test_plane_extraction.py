@@ -17,8 +17,8 @@ def test_runs_hold_all_points_once():
     runs = runs_of(points)
     assert runs.num_points.sum() == len(points)
     assert 1 < runs.num_points.max() <= MAX_RUN_POINTS
-    h = np.column_stack([points, np.ones(len(points))]).astype(np.float64)
-    np.testing.assert_allclose(runs.moments.sum(axis=0), (h.T @ h)[np.triu_indices(4)], rtol=1e-9)
+    h = np.column_stack([points.astype(np.float64), np.ones(len(points))])
+    np.testing.assert_allclose(runs.moments.sum(axis=0), (h.T @ h)[np.triu_indices(4)], rtol=1e-9, atol=1e-5)
     starts = np.cumsum(runs.num_points) - runs.num_points
     ends = starts + runs.num_points - 1
     assert np.linalg.norm(points[ends] - points[starts], axis=1).max() <= MAX_RUN_M * 1.0001
