@@ -130,7 +130,7 @@ def first_map(points_lidar_m: Points, T_map_lidar: Float, config: MapperConfig) 
             room_for(config.max_planes, len(runs.num_points)),
         )
         take_in(patch_map, runs, T_map_lidar, found)
-        counts = Counts(*associate(runs, 1, T_map_lidar, patch_map.narrow, patch_map.arrays.planes, found))
+        counts = Counts(*associate(runs, 1, T_map_lidar, patch_map.narrow, patch_map.arrays.planes, found), 0)
         if counts.num_explained > _LEAST_SHARE * counts.num_points:
             break
     if patch_map.num_patches < _MIN_PATCHES:

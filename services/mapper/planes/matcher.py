@@ -172,7 +172,7 @@ class PlaneMatcher:
             if not any(is_same_place(T, other.T, _SLIP_M) for other in followed):
                 followed = [*followed, self._follow(runs, T, _SEARCH_GATE_M, association)]
         if not followed:
-            return _Candidate(np.eye(3, 4), Counts(0, 0, 0)), True
+            return _Candidate(np.eye(3, 4), Counts(0, 0, 0, 0)), True
         best = max(followed, key=_gain)
         if not self._is_as_usual(best.counts):
             shifted = weakly_shifted(best.T, self._normal_sums(best.T, runs, association)[0])
@@ -206,7 +206,7 @@ class PlaneMatcher:
         return RegistrationResult(
             T_map_lidar=SE3.projected(np.vstack([T, [0.0, 0.0, 0.0, 1.0]])),
             is_converged=step < 1e-4,
-            num_iterations=1,
+            num_iterations=best.counts.num_steps + counts.num_steps,
             num_points=len(points_m),
             num_inliers=num,
             fitness_m2=squares_m2 / num if num else None,
