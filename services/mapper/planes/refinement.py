@@ -30,6 +30,8 @@ _MIN_POINTS = 6
 _MAX_STEPS = 8
 _LAST_STEP = 5e-6
 _MAX_PASSES = 3
+_BASIN = 0.05
+"""In metres, and in parts of a rotation's matrix: a pose that would move farther was not near, and stays as it was."""
 _SETTLED_M = 1e-3
 """A pass that moved no pose farther leaves the runs on their patches."""
 
@@ -53,6 +55,8 @@ def refine(scans: Iterable[Points], poses: Sequence[SE3], patch_map: PatchMap) -
     for _ in range(1 if is_read_once else _MAX_PASSES):
         before = T.copy()
         _solve(condensed(scans, T, planes, patch_map), T, planes, patch_map.arrays.origins)
+        is_lost = np.abs(T - start).max(axis=(1, 2)) > _BASIN
+        T[is_lost] = start[is_lost]
         if np.abs(T - before).max() < _SETTLED_M:
             break
     refined = [SE3.projected(np.vstack([rows, [0.0, 0.0, 0.0, 1.0]])) for rows in T]
