@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from services.mapper.planes.growth import map_of_scans
-from services.mapper.planes.refinement import refine
+from services.mapper.planes.refinement import refine, refine_run
 from services.mapper.registration import RegistrationError
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
@@ -57,3 +57,11 @@ def test_scans_without_points_stay_where_they_were(scans):
     np.testing.assert_allclose(refined.poses[3].matrix, POSES[3].matrix, atol=1e-12)
     with pytest.raises(RegistrationError, match="no scan shows enough planes"):
         map_of_scans([with_empty[3]] * 2, [np.eye(3, 4)] * 2, MapperConfig())
+
+
+def test_a_noisy_run_is_refined_in_a_map_made_anew(rough_poses):
+    noisy = [scan(frame_of_bars(), T, grid_of_rays(), 0.03, seed=i) for i, T in enumerate(POSES)]
+    patch_map = map_of_scans(noisy, [T.matrix[:3] for T in rough_poses], MapperConfig())
+    refined = refine_run(noisy, rough_poses, patch_map, MapperConfig())
+    assert rms_mm(refined.poses) < 4.0 < rms_mm(rough_poses)
+    assert len(refined.moved_m) == len(POSES)
