@@ -34,11 +34,12 @@ class Target(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """Points that the map explains, those it contradicts, and all that were looked at."""
+    """Points that the map explains, those it contradicts, all that were looked at; steps taken to get there."""
 
     num_explained: int
     num_contradicted: int
     num_points: int
+    num_steps: int
 
     @property
     def agreement(self) -> float:
@@ -54,27 +55,31 @@ class Counts(NamedTuple):
 @kernel()
 def approach(runs: Runs, T: Float, target: Target, gate_m: float, stride: int, found: Association) -> Counts:
     """Moves T (3, 4) from within `gate_m` of the map onto it. stride: of the runs, as a multiple of the usual."""
+    num_steps = 0
     for _ in range(_MAX_PASSES):
+        num_steps += 1
         associate_wide(runs, _WIDE_STRIDE * stride, T, target.wide, target.patches.planes, gate_m, found)
         if gauss_newton(T, found, target.patches, 2, False, 1e-4) < _WIDE_STEP:
             break
     explained, contradicted, num = 0, 0, 0
     for _ in range(_MAX_PASSES):
+        num_steps += 1
         explained, contradicted, num = associate(
             runs, _FINE_STRIDE * stride, T, target.narrow, target.patches.planes, found
         )
         if gauss_newton(T, found, target.patches, 3, False, 0.0) < _FINE_STEP:
             break
-    return Counts(explained, contradicted, num)
+    return Counts(explained, contradicted, num, num_steps)
 
 
 @kernel()
 def finish(runs: Runs, T: Float, target: Target, found: Association) -> tuple[Counts, float]:
     """Moves T (3, 4), which is near, by all runs with the patches free; returns the last step in metres, radians."""
     explained, contradicted, num = associate(runs, 1, T, target.narrow, target.patches.planes, found)
-    step = 1.0
+    step, num_steps = 1.0, 0
     for _ in range(_LAST_STEPS):
+        num_steps += 1
         step = gauss_newton(T, found, target.patches, 5, True, 0.0)
         if step < 2e-6:
             break
-    return Counts(explained, contradicted, num), step
+    return Counts(explained, contradicted, num, num_steps), step

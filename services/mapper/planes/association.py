@@ -122,7 +122,7 @@ def _turn(T: Float, p: Float) -> tuple[float, float, float]:
 def _cosine(plane: Float, ray: tuple[float, float, float]) -> float:
     """Of the incidence: 1 where the ray meets the plane at right angles."""
     along = -(plane[0] * ray[0] + plane[1] * ray[1] + plane[2] * ray[2])
-    return along / math.sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2])
+    return float(along) / math.sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2])
 
 
 @kernel(fastmath=REASSOCIATED)
@@ -136,7 +136,7 @@ def _is_scattered(M: Float, T: Float, plane: Float, sigma_m: float, cosine: floa
     a2 = T[0, 2] * plane[0] + T[1, 2] * plane[1] + T[2, 2] * plane[2]
     a3 = T[0, 3] * plane[0] + T[1, 3] * plane[1] + T[2, 3] * plane[2] + plane[3]
     usual = k * sigma_m * sigma_m * (cosine * cosine + 0.05)
-    return squares_to(M, a0, a1, a2, a3) > usual * (1.0 + 3.0 * math.sqrt(2.0 / k))
+    return bool(squares_to(M, a0, a1, a2, a3) > usual * (1.0 + 3.0 * math.sqrt(2.0 / k)))
 
 
 @kernel(fastmath=REASSOCIATED)
@@ -186,7 +186,7 @@ def associate(
         p = (ray[0] + T[0, 3], ray[1] + T[1, 3], ray[2] + T[2, 3])
         entries = table.lists[slot_at(table, p[0], p[1], p[2])]
         slope, gate_m = 0.25 + 3.0 * runs.slopes[i], sigma_m * (0.7 + 2.4 / math.sqrt(k))
-        j, distance_m, next_m = _seek(entries, planes, p, ray, _turn(T, runs.directions[i]), slope, gate_m, False)
+        j, _, next_m = _seek(entries, planes, p, ray, _turn(T, runs.directions[i]), slope, gate_m, False)
         if j < 0:
             is_near = next_m < _EDGE_M + sigma_m
             out.assigned[i] = CONTRADICTED if is_near else UNEXPLAINED

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from services.mapper.planes.gauss_newton import (
     ALPHA,
-    HELD,
     NUM_COLUMNS,
     NUM_PATCH,
     NUM_POSE,
@@ -27,8 +26,10 @@ Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
 _USUAL_CHI2 = 2.0
-"""A block whose points lie farther off their patch than twice what noise explains counts less: it may be a wrong one."""
+"""A block whose points lie farther off their patch than twice what noise explains counts less: it may be wrong."""
+_POSE_HELD = 1.0
 _PATCH_HELD = 1e-2
+"""Damping (1/m^2, 1/rad^2), so that what no block says anything of stays: a point says 1e3 and more."""
 
 
 class Blocks(NamedTuple):
@@ -114,7 +115,7 @@ def _solve_pose(out: Equations, i: int, first: int, after: int) -> None:
     """The inverse of pose i's block times its gradient and its couplings, which are blocks first to after - 1."""
     L, x = out.pose[i].copy(), np.empty(NUM_POSE)
     for r in range(NUM_POSE):
-        L[r, r] += HELD
+        L[r, r] += _POSE_HELD
     factorise(L)
     out.pose_solved[i] = out.pose_gradient[i]
     solve_factorised(L, out.pose_solved[i])

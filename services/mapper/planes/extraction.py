@@ -48,8 +48,10 @@ class Cloud(NamedTuple):
 def _level(runs: Runs, chosen: Int, T: Float, inverse_m: float) -> tuple[Float, Float, Int]:
     """Centroids and moments of the chosen runs, turned to the map's axes, and the keys of their voxels."""
     R = np.ascontiguousarray(T[:, :3])
-    centroids_m, moments, keys = np.empty((len(chosen), 3)), np.zeros((len(chosen), NUM_MOMENTS)), np.empty(
-        len(chosen), np.int64
+    centroids_m, moments, keys = (
+        np.empty((len(chosen), 3)),
+        np.zeros((len(chosen), NUM_MOMENTS)),
+        np.empty(len(chosen), np.int64),
     )
     for i in range(len(chosen)):
         add_moved(runs.moments[chosen[i]], R, 0.0, 0.0, 0.0, moments[i])
@@ -64,7 +66,7 @@ def _is_on(M: Float, plane: Float, sigma_m: float) -> bool:
     """Whether the points of a run lie on a plane, as far as noise allows."""
     k = M[9]
     usual = k * sigma_m * sigma_m * (1.0 + 4.0 * math.sqrt(2.0 / k))
-    return squares_to(M, plane[0], plane[1], plane[2], plane[3]) < usual
+    return bool(squares_to(M, plane[0], plane[1], plane[2], plane[3]) < usual)
 
 
 @kernel()
@@ -86,7 +88,7 @@ def _seed(cloud: Cloud, v: int, labels: Int, plane: Float) -> bool:
 def _is_within(cloud: Cloud, i: int, centre: Float) -> bool:
     c = cloud.centroids_m[i]
     x, y, z = c[0] - centre[0], c[1] - centre[1], c[2] - centre[2]
-    return x * x + y * y + z * z < MAX_RADIUS_M * MAX_RADIUS_M
+    return bool(x * x + y * y + z * z < MAX_RADIUS_M * MAX_RADIUS_M)
 
 
 @kernel()
@@ -146,10 +148,10 @@ def _settle(cloud: Cloud, region: int, plane: Float, labels: Int, queue: Int, nu
                 M += cloud.moments[i]
                 sigma_m += cloud.sigma_m[i]
                 num_runs += 1
-    is_patch = M[9] >= MIN_POINTS
+    is_patch = bool(M[9] >= MIN_POINTS)
     if is_patch:
         across, along = fit_plane(M, plane)
-        is_patch = across < (_FLATNESS * sigma_m / num_runs) ** 2 and along > _MIN_WIDTH_M**2
+        is_patch = bool(across < (_FLATNESS * sigma_m / num_runs) ** 2 and along > _MIN_WIDTH_M**2)
     for q in range(num):
         for i in range(cloud.starts[queue[q]], cloud.starts[queue[q] + 1]):
             if labels[i] == region and not (is_patch and _is_on(cloud.moments[i], plane, cloud.sigma_m[i])):
@@ -194,7 +196,12 @@ def extract_planes(runs: Runs, chosen: Int, T_map_lidar: Float, voxel_m: float, 
     order = np.argsort(keys, kind="stable")
     voxels, starts = np.unique(keys[order], return_index=True)
     cloud = Cloud(
-        centroids_m[order], moments[order], runs.sigma_m[chosen][order], voxels, np.append(starts, len(keys)), 1 / voxel_m
+        centroids_m[order],
+        moments[order],
+        runs.sigma_m[chosen][order],
+        voxels,
+        np.append(starts, len(keys)),
+        1 / voxel_m,
     )
     num_points = np.add.reduceat(cloud.moments[:, 9], starts)
     seeds = np.argsort(-num_points, kind="stable")

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from services.mapper.planes.alignment import Counts
 from services.mapper.planes.association import CONTRADICTED, UNEXPLAINED, Association, associate, room_for
 from services.mapper.planes.extraction import MAX_RADIUS_M, extract_planes
+from services.mapper.planes.noise import NUM_RANGE_BINS, sigma_by_range
 from services.mapper.planes.order import in_order
 from services.mapper.planes.patches import PatchArrays, PatchMap
-from services.mapper.planes.noise import NUM_RANGE_BINS, sigma_by_range
 from services.mapper.planes.runs import Runs, cut_runs
 from services.mapper.planes.voxel_table import VoxelTable, put_about, put_around, slot_at
 from services.mapper.registration import Points, RegistrationError
@@ -55,7 +55,9 @@ def _candidate(entries: NDArray[np.int32], patches: PatchArrays, p: Float, ray: 
 
 
 @kernel()
-def _extend(runs: Runs, T: Float, found: Association, table: VoxelTable, wide: VoxelTable, patches: PatchArrays) -> None:
+def _extend(
+    runs: Runs, T: Float, found: Association, table: VoxelTable, wide: VoxelTable, patches: PatchArrays
+) -> None:
     ray, p = np.empty(3), np.empty(3)
     for i in range(len(runs.centroids_m)):
         if found.assigned[i] != CONTRADICTED:
@@ -123,9 +125,12 @@ def first_map(points_lidar_m: Points, T_map_lidar: Float, config: MapperConfig) 
     runs = cut_runs(points_lidar_m, sigma_m)
     usual_m = float(np.median(runs.sigma_m)) if len(runs.sigma_m) else 0.0
     for voxel_m in max(_MIN_VOXEL_M, _SIGMAS_A_VOXEL * usual_m) * _VOXEL_SCALES:
-        patch_map, found = PatchMap(config.max_planes, sigma_m, voxel_m), room_for(config.max_planes, len(runs.num_points))
+        patch_map, found = (
+            PatchMap(config.max_planes, sigma_m, voxel_m),
+            room_for(config.max_planes, len(runs.num_points)),
+        )
         take_in(patch_map, runs, T_map_lidar, found)
-        counts = Counts(*associate(runs, 1, T_map_lidar, patch_map.narrow, patch_map.arrays.planes, found))
+        counts = Counts(*associate(runs, 1, T_map_lidar, patch_map.narrow, patch_map.arrays.planes, found), 0)
         if counts.num_explained > _LEAST_SHARE * counts.num_points:
             break
     if patch_map.num_patches < _MIN_PATCHES:

@@ -133,9 +133,8 @@ def _offsets(normal: Float, offset_m: float, planes: Float, near: Float, radius_
 
 @kernel()
 def _determinant(a: Float, b: Float, c: Float) -> float:
-    return (
-        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
+    x, y, z = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
+    return float(a[0] * x + a[1] * y + a[2] * z)
 
 
 @kernel()
@@ -164,9 +163,7 @@ def _add_corners(normals: Float, offsets: Float, num_offsets: NDArray[np.int64],
 
 
 @kernel()
-def _translations(
-    normals: Float, offsets_m: Float, planes: Float, near: Float, radius_m: float, out: Float
-) -> int:
+def _translations(normals: Float, offsets_m: Float, planes: Float, near: Float, radius_m: float, out: Float) -> int:
     """Writes translations (H, 3) that put three of the pieces (N, 3), (N,) on patches (M, 4); returns their number."""
     num_pieces, num = len(normals), 0
     offsets, num_offsets = np.empty((num_pieces, _MAX_OFFSETS)), np.zeros(num_pieces, np.int64)
@@ -194,4 +191,5 @@ def translations(R: Float, pieces: Float, planes: Float, near_m: Float, radius_m
     found = out[: num + 1]
     found = found[np.linalg.norm(found - near_m, axis=1) <= 1.75 * radius_m]
     _, first = np.unique(np.round((found - near_m) / _SAME_OFFSET_M), axis=0, return_index=True)
-    return found[np.sort(first)]
+    kept: Float = found[np.sort(first)]
+    return kept

@@ -17,7 +17,14 @@ from services.mapper.planes.noise import sigma_by_range
 from services.mapper.planes.order import in_order
 from services.mapper.planes.patches import Patches, PatchMap
 from services.mapper.planes.runs import Runs, cut_runs
-from services.mapper.planes.search import Reach, candidates, candidates_anywhere, is_same_place, pieces_of, weakly_shifted
+from services.mapper.planes.search import (
+    Reach,
+    candidates,
+    candidates_anywhere,
+    is_same_place,
+    pieces_of,
+    weakly_shifted,
+)
 from services.mapper.registration import Points, RegistrationResult, Surface
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
@@ -33,8 +40,10 @@ _SUSPECT_TOLERANCE = 0.15
 """Farther below, the best place is not believed: slips along a bar had lost 0.2 and more."""
 _SHARE_OF_USUAL = 0.75
 """A place that gains so much less than usual may be a look-alike: it is compared with others."""
-_LEAST_SHARE_OF_USUAL = 0.6
-"""A found place that gains less than this share of the usual is not believed: right ones had 0.6 to 1.1."""
+_LEAST_SHARE_OF_USUAL = 0.5
+"""A found place that gains less than this share of the usual is not believed: look-alikes alone in reach had 0.35."""
+_LEAST_SHARE_WHEN_LOST = 0.7
+"""The same when more than the usual way is searched, which holds more look-alikes."""
 _RIVAL_SHARE = 0.85
 """Another place that gains nearly as much as the best one: look-alikes of right places had up to 0.8 of theirs."""
 _FORGETTING = 0.2
@@ -114,7 +123,8 @@ class PlaneMatcher:
             pieces = pieces_of(runs, self.patch_map.voxel_m)
             reach = Reach(_SEARCH_ANGLE_RAD * widening, _SEARCH_RADIUS_M * widening, _MAX_POSES)
             found = candidates(runs, pieces, poses, reach, self._target, self.patch_map.num_patches)
-            best, is_suspect = self._best_of([best], found, runs, association)
+            least_share = _LEAST_SHARE_OF_USUAL if widening <= 1.0 else _LEAST_SHARE_WHEN_LOST
+            best, is_suspect = self._best_of([best], found, runs, association, least_share)
         return self._finished(points_lidar_m, runs, best, is_suspect, association)
 
     def accept(self, T_map_lidar: SE3) -> None:
@@ -135,7 +145,7 @@ class PlaneMatcher:
         runs, association = self._prepared(points_lidar_m)
         pieces = pieces_of(runs, self.patch_map.voxel_m)
         found = candidates_anywhere(runs, pieces, self._target, self.patch_map.num_patches)
-        best, is_suspect = self._best_of([], found, runs, association)
+        best, is_suspect = self._best_of([], found, runs, association, _LEAST_SHARE_WHEN_LOST)
         if best.counts.agreement < self._config.min_score:
             return None
         return self._finished(points_lidar_m, runs, best, is_suspect, association)
@@ -158,14 +168,19 @@ class PlaneMatcher:
         return _Candidate(T, approach(runs, T, self._target, gate_m, 1, association))
 
     def _best_of(
-        self, followed: list[_Candidate], poses: list[Float], runs: Runs, association: Association
+        self,
+        followed: list[_Candidate],
+        poses: list[Float],
+        runs: Runs,
+        association: Association,
+        least_share: float,
     ) -> tuple[_Candidate, bool]:
         """The best of candidates and of what the poses lead to, and whether it may be wrong nevertheless."""
         for T in poses:
             if not any(is_same_place(T, other.T, _SLIP_M) for other in followed):
                 followed = [*followed, self._follow(runs, T, _SEARCH_GATE_M, association)]
         if not followed:
-            return _Candidate(np.eye(3, 4), Counts(0, 0, 0)), True
+            return _Candidate(np.eye(3, 4), Counts(0, 0, 0, 0)), True
         best = max(followed, key=_gain)
         if not self._is_as_usual(best.counts):
             shifted = weakly_shifted(best.T, self._normal_sums(best.T, runs, association)[0])
@@ -174,7 +189,7 @@ class PlaneMatcher:
         rivals = [other.counts.gain for other in followed if not is_same_place(other.T, best.T, _SLIP_M)]
         is_rivalled = max(rivals, default=-1.0) > _RIVAL_SHARE * best.counts.gain
         is_poor = best.counts.agreement < self._usual_agreement - _SUSPECT_TOLERANCE
-        return best, is_rivalled or is_poor or best.counts.gain < _LEAST_SHARE_OF_USUAL * self._usual_gain
+        return best, is_rivalled or is_poor or best.counts.gain < least_share * self._usual_gain
 
     def _normal_sums(self, T: Float, runs: Runs, association: Association) -> tuple[Float, float, int]:
         """The Hessian (6, 6) along the map's axes, the sum of squared distances in m^2, the number of inliers."""
@@ -199,7 +214,7 @@ class PlaneMatcher:
         return RegistrationResult(
             T_map_lidar=SE3.projected(np.vstack([T, [0.0, 0.0, 0.0, 1.0]])),
             is_converged=step < 1e-4,
-            num_iterations=1,
+            num_iterations=best.counts.num_steps + counts.num_steps,
             num_points=len(points_m),
             num_inliers=num,
             fitness_m2=squares_m2 / num if num else None,

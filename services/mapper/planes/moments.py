@@ -37,9 +37,8 @@ def add_point(M: Float, x: float, y: float, z: float) -> None:
 def squares_to(M: Float, a0: float, a1: float, a2: float, a3: float) -> float:
     """The sum of squared distances to the plane (a0, a1, a2, a3)."""
     diagonal = a0 * a0 * M[0] + a1 * a1 * M[4] + a2 * a2 * M[7] + a3 * a3 * M[9]
-    return diagonal + 2.0 * (
-        a0 * (a1 * M[1] + a2 * M[2] + a3 * M[3]) + a1 * (a2 * M[5] + a3 * M[6]) + a2 * a3 * M[8]
-    )
+    mixed = a0 * (a1 * M[1] + a2 * M[2] + a3 * M[3]) + a1 * (a2 * M[5] + a3 * M[6]) + a2 * a3 * M[8]
+    return float(diagonal + 2.0 * mixed)
 
 
 @kernel()
@@ -75,7 +74,7 @@ def add_moved(M: Float, R: Float, x: float, y: float, z: float, out: Float) -> N
 def _turned(M: Float, R: Float, i: int, j: int) -> float:
     """Element (i, j) of R S R^T, with the second moments S (3, 3) in M."""
     a, b, c = R[j, 0], R[j, 1], R[j, 2]
-    return (
+    return float(
         R[i, 0] * (M[0] * a + M[1] * b + M[2] * c)
         + R[i, 1] * (M[1] * a + M[4] * b + M[5] * c)
         + R[i, 2] * (M[2] * a + M[5] * b + M[7] * c)

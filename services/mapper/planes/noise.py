@@ -55,7 +55,8 @@ def _range_and_angle(points_m: NDArray[np.floating], i: int, j: int) -> tuple[fl
 def range_residuals(points_m: NDArray[np.floating], residuals_m: Float, ranges_m: Float) -> int:
     """Writes what each three successive points (N, 3) say of the noise of a range; returns how many could be used.
 
-    residuals_m (N,): of the standard deviation of a range, where the three are on a plane. ranges_m (N,): of the middle ones.
+    residuals_m (N,): of the standard deviation of a range, where the three are on a plane. ranges_m (N,): of the
+    middle ones.
     """
     num = 0
     for i in range(1, len(points_m) - 1):

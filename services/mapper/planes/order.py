@@ -19,7 +19,11 @@ _ORDERED_SHARE = 0.3
 def _share_near(points_m: NDArray[np.floating], stride: int) -> float:
     near, num = 0, 0
     for i in range(1, len(points_m), stride):
-        x, y, z = points_m[i, 0] - points_m[i - 1, 0], points_m[i, 1] - points_m[i - 1, 1], points_m[i, 2] - points_m[i - 1, 2]
+        x, y, z = (
+            points_m[i, 0] - points_m[i - 1, 0],
+            points_m[i, 1] - points_m[i - 1, 1],
+            points_m[i, 2] - points_m[i - 1, 2],
+        )
         near += x * x + y * y + z * z < _NEAR_M * _NEAR_M
         num += 1
     return near / max(num, 1)

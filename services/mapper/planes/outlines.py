@@ -40,7 +40,9 @@ def surfaces(patches: Patches) -> list[Surface]:
     """The patches that have points as surfaces, by id."""
     axes, halves_m = _rectangles(patches)
     groups = _touching(patches, axes, halves_m)
-    return [_surface(patches, np.flatnonzero(groups == first), axes, halves_m) for first in np.unique(groups[groups >= 0])]
+    return [
+        _surface(patches, np.flatnonzero(groups == first), axes, halves_m) for first in np.unique(groups[groups >= 0])
+    ]
 
 
 def _rectangles(patches: Patches) -> tuple[Float, Float]:

@@ -109,10 +109,10 @@ class PatchMap:
     def snapshot(self) -> Patches:
         """The patches as they are now."""
         n = self.num_patches
-        planes, origins, moments, num_points = (values[:n].copy() for values in self.arrays)
+        planes, origins, moments = (values[:n].copy() for values in self.arrays[:3])
         weights = np.maximum(moments[:, 9:], 1e-300)
         centres_m = origins + moments[:, [3, 6, 8]] / weights
-        return Patches(np.arange(n), planes, num_points, centres_m, moments, origins)
+        return Patches(np.arange(n), planes, self.arrays.num_points[:n].copy(), centres_m, moments, origins)
 
     def append(self, plane: Float, origin_m: Float) -> int:
         """A new patch without points, from its plane (4,) and centre (3,); its index, or -1 if there is no room."""

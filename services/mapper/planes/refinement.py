@@ -1,7 +1,7 @@
 """Whole-run refinement: all poses and all patches together, from the moments of each scan on each patch.
 
-Scans are condensed once, ten numbers a (scan, patch): a block. Then Gauss-Newton over poses and patches, where the
-poses are eliminated (6 x 6 each) and the patches, which are fewer, are solved for densely (bundle adjustment of planes).
+Scans are condensed to ten numbers a (scan, patch): a block. Then Gauss-Newton over poses and patches, where the poses
+are eliminated (6 x 6 each) and the patches, which are fewer, are solved for densely (bundle adjustment of planes).
 """
 
 from __future__ import annotations
@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 from services.mapper.planes.association import associate, room_for
 from services.mapper.planes.bundle import Blocks, Equations, eliminate_poses, empty_equations, linearise, substitute
 from services.mapper.planes.gauss_newton import factorise, solve_factorised
+from services.mapper.planes.growth import map_of_scans
 from services.mapper.planes.order import in_order
 from services.mapper.planes.patches import PatchMap
 from services.mapper.planes.runs import cut_runs
 from services.mapper.registration import Points
 from shared.geometry import SE3
+from shared.runtime.config import MapperConfig
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -30,6 +32,9 @@ _MIN_POINTS = 6
 _MAX_STEPS = 8
 _LAST_STEP = 5e-6
 _MAX_PASSES = 3
+_NOISY_M = 0.015
+_BASIN = 0.05
+"""In metres, and in parts of a rotation's matrix: a pose that would move farther was not near, and stays as it was."""
 _SETTLED_M = 1e-3
 """A pass that moved no pose farther leaves the runs on their patches."""
 
@@ -53,10 +58,23 @@ def refine(scans: Iterable[Points], poses: Sequence[SE3], patch_map: PatchMap) -
     for _ in range(1 if is_read_once else _MAX_PASSES):
         before = T.copy()
         _solve(condensed(scans, T, planes, patch_map), T, planes, patch_map.arrays.origins)
+        is_lost = np.abs(T - start).max(axis=(1, 2)) > _BASIN
+        T[is_lost] = start[is_lost]
         if np.abs(T - before).max() < _SETTLED_M:
             break
     refined = [SE3.projected(np.vstack([rows, [0.0, 0.0, 0.0, 1.0]])) for rows in T]
     return Refined(refined, planes, np.linalg.norm(T[:, :, 3] - start[:, :, 3], axis=1))
+
+
+def refine_run(scans: Sequence[Points], poses: Sequence[SE3], patch_map: PatchMap, config: MapperConfig) -> Refined:
+    """As `refine`; where ranges are noisy, once more in a map made anew at the refined poses, which is sharper."""
+    first = refine(scans, poses, patch_map)
+    if float(np.median(patch_map.sigma_by_range_m)) < _NOISY_M:
+        return first
+    anew = map_of_scans(scans, [T.matrix[:3] for T in first.poses], config)
+    second = refine(scans, first.poses, anew)
+    moves_m = [float(np.linalg.norm(a.translation - b.translation)) for a, b in zip(second.poses, poses, strict=True)]
+    return Refined(second.poses, second.planes, np.array(moves_m))
 
 
 def condensed(scans: Iterable[Points], T: Float, planes: Float, patch_map: PatchMap) -> Blocks:
@@ -83,7 +101,7 @@ def _worth_solving(blocks: Blocks, num_patches: int) -> Blocks:
     is_chosen = num_scans > 1
     is_chosen[np.argsort(-num_scans, kind="stable")[_MAX_PATCHES:]] = False
     keep = is_chosen[blocks.patches]
-    return Blocks(*(values[keep] for values in blocks))
+    return Blocks(blocks.scans[keep], blocks.patches[keep], blocks.moments[keep], blocks.num_points[keep])
 
 
 def _solve(blocks: Blocks, T: Float, planes: Float, origins: Float) -> None:

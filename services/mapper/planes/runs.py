@@ -5,6 +5,7 @@ One look-up in the map serves a whole run, a third of the points' number; what i
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -40,22 +41,22 @@ class Runs(NamedTuple):
 
 
 @kernel()
-def _set_direction(points_m: Float, first: int, last: int, sigma_m: float, direction: Float) -> float:
+def _set_direction(points_m: NDArray[np.floating], first: int, last: int, sigma_m: float, direction: Float) -> float:
     """Writes the unit direction (3,) of a run, or 0; returns how far it may be wrong."""
     direction[:] = 0.0
     k = last - first + 1
     x = float(points_m[last, 0]) - float(points_m[first, 0])
     y = float(points_m[last, 1]) - float(points_m[first, 1])
     z = float(points_m[last, 2]) - float(points_m[first, 2])
-    length = np.sqrt(x * x + y * y + z * z)
+    length = math.sqrt(x * x + y * y + z * z)
     if k < 3 or length < _MIN_DIRECTION_M:
         return 0.0
     direction[0], direction[1], direction[2] = x / length, y / length, z / length
-    return sigma_m / length / np.sqrt(k / 3.0)
+    return sigma_m / length / math.sqrt(k / 3.0)
 
 
 @kernel()
-def _end_of_run(points_m: Float, first: int) -> int:
+def _end_of_run(points_m: NDArray[np.floating], first: int) -> int:
     """The index after the last point of the run that begins at `first`."""
     last = min(first + MAX_RUN_POINTS, len(points_m))
     for i in range(first + 1, last):
@@ -68,7 +69,7 @@ def _end_of_run(points_m: Float, first: int) -> int:
 
 
 @kernel()
-def _cut(points_m: Float, sigma_by_range_m: Float, out: Runs) -> int:
+def _cut(points_m: NDArray[np.floating], sigma_by_range_m: Float, out: Runs) -> int:
     num, first = 0, 0
     while first < len(points_m):
         after = _end_of_run(points_m, first)
@@ -78,7 +79,7 @@ def _cut(points_m: Float, sigma_by_range_m: Float, out: Runs) -> int:
             add_point(M, float(points_m[i, 0]), float(points_m[i, 1]), float(points_m[i, 2]))
         x, y, z = M[3] / M[9], M[6] / M[9], M[8] / M[9]
         out.centroids_m[num, 0], out.centroids_m[num, 1], out.centroids_m[num, 2] = x, y, z
-        sigma_m = sigma_by_range_m[range_bin(np.sqrt(x * x + y * y + z * z))]
+        sigma_m = sigma_by_range_m[range_bin(math.sqrt(x * x + y * y + z * z))]
         out.num_points[num], out.sigma_m[num] = after - first, sigma_m
         out.slopes[num] = _set_direction(points_m, first, after - 1, sigma_m, out.directions[num])
         num, first = num + 1, after
@@ -92,4 +93,11 @@ def cut_runs(points_lidar_m: NDArray[np.floating], sigma_by_range_m: Float) -> R
         np.empty((n, 3)), np.empty((n, NUM_MOMENTS)), np.empty(n, np.int64), np.empty(n), np.empty((n, 3)), np.empty(n)
     )
     num = _cut(points_lidar_m, sigma_by_range_m, out)
-    return Runs(*(values[:num] for values in out))
+    return Runs(
+        out.centroids_m[:num],
+        out.moments[:num],
+        out.num_points[:num],
+        out.sigma_m[:num],
+        out.directions[:num],
+        out.slopes[:num],
+    )

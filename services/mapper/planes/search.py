@@ -99,7 +99,7 @@ def _known_planes(target: Target, num_patches: int) -> Float:
 def _rotations(pieces: Pieces, target: Target, num_patches: int) -> Float:
     if not len(pieces.planes):
         return np.empty((0, 3, 3))
-    weights = target.patches.num_points[:num_patches] + 1.0
+    weights = target.patches.num_points[:num_patches].astype(np.float64) + 1.0
     return rotations(pieces.planes[:, :3], pieces.num_points, _known_planes(target, num_patches)[:, :3], weights)
 
 

@@ -61,9 +61,9 @@ def with_room(table: VoxelTable, num_more: int, max_slots: int) -> VoxelTable:
 def voxel_key(x: float, y: float, z: float, inverse_m: float) -> int:
     """One integer a voxel, from coordinates in metres; voxels 2^20 and more from the origin share keys."""
     mask = 2 * _OFFSET - 1
-    i = (int(math.floor(x * inverse_m)) + _OFFSET) & mask
-    j = (int(math.floor(y * inverse_m)) + _OFFSET) & mask
-    k = (int(math.floor(z * inverse_m)) + _OFFSET) & mask
+    i = (math.floor(x * inverse_m) + _OFFSET) & mask
+    j = (math.floor(y * inverse_m) + _OFFSET) & mask
+    k = (math.floor(z * inverse_m) + _OFFSET) & mask
     return (i << (2 * _BITS)) | (j << _BITS) | k
 
 
@@ -106,11 +106,10 @@ def put(table: VoxelTable, x: float, y: float, z: float, patch: int, is_core: bo
 @kernel()
 def is_listed(table: VoxelTable, x: float, y: float, z: float, patch: int) -> bool:
     """Whether the patch was seen in the voxel at (x, y, z)."""
-    entries = table.lists[slot_at(table, x, y, z)]
-    for k in range(len(entries)):
-        if entries[k] == 2 * patch + 1:
-            return True
-    return False
+    is_there = False
+    for entry in table.lists[slot_at(table, x, y, z)]:
+        is_there |= entry == 2 * patch + 1
+    return is_there
 
 
 @kernel()

@@ -8,15 +8,17 @@ from numpy.typing import NDArray
 from services.mapper.planes.growth import map_of_scans
 from services.mapper.planes.matcher import PlaneMatcher
 from services.mapper.planes.refinement import refine
+from services.mapper.registration import Points
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
 
 
 def warm_up() -> None:
     """Tracks, searches, localises and refines two scans of a room of 4 m x 3 m x 2 m, as float32 and as float64."""
-    for dtype in (np.float32, np.float64):
-        scan = _room().astype(dtype)
-        scans, poses = [scan, scan], [SE3.identity(), SE3.identity()]
+    room: tuple[Points, ...] = (_room(), _room().astype(np.float32))
+    for scan in room:
+        scans: list[Points] = [scan, scan]
+        poses = [SE3.identity(), SE3.identity()]
         matcher = PlaneMatcher(MapperConfig())
         matcher.start(scan, poses[0])
         matcher.align(scan, [SE3.trans(5.0), poses[0]], 1.0)
