@@ -35,6 +35,8 @@ from shared.messaging.messages import (
 )
 from shared.runtime.config import Config
 
+_NO_MAPS = {"map_rate_hz": 1e-9}
+"""The map is asked for at the end, not published on the way."""
 OnScan = Callable[[Mapper, list[Message]], None]
 
 
@@ -76,7 +78,7 @@ def map_scans(
     prior: instead of the configured one. is_refining: afterwards all poses and planes are estimated together, for which
     the scans are kept in memory, a quarter of a megabyte each at 512x128.
     """
-    mapper = load_mapper(config.mapper, time.perf_counter_ns, prior=prior)
+    mapper = load_mapper(config.mapper.model_copy(update=_NO_MAPS), time.perf_counter_ns, prior=prior)
     if is_refining:
         warm_up(config.mapper, is_refining=True)
     run = MapRun()

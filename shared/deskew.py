@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.kernel import kernel
+from shared.kernel import lean_kernel
 from shared.messaging.messages import LidarScan
 from shared.motion import Motion
 
@@ -33,7 +33,7 @@ def deskewed(scan: LidarScan, motion: Motion, at_ns: int | None = None) -> NDArr
     return straight
 
 
-@kernel()
+@lean_kernel()
 def _straighten(
     points: NDArray[np.float32],
     t_ns: NDArray[np.uint32],

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from services.mapper.registration import Points
 from shared.geometry import SE3
-from shared.kernel import kernel
+from shared.kernel import lean_kernel
 from shared.robot.description import Shape
 from shared.solids import Box, Cylinder, Mesh, Solid, Sphere
 
@@ -74,7 +74,7 @@ def _box_of(solid: Solid) -> tuple[Float, Float]:
             return (low_m + high_m) / 2.0, (high_m - low_m) / 2.0
 
 
-@kernel()
+@lean_kernel()
 def _mark(
     points: Points, T_sensor_box: Float, half_m: Float, reach_square_m2: float, is_body: NDArray[np.bool_]
 ) -> None:
@@ -88,7 +88,7 @@ def _mark(
                     break
 
 
-@kernel()
+@lean_kernel()
 def _is_in_box(x: float, y: float, z: float, T_sensor_box: Float, half_m: Float) -> bool:
     x, y, z = x - T_sensor_box[0, 3], y - T_sensor_box[1, 3], z - T_sensor_box[2, 3]
     for axis in range(3):

@@ -10,7 +10,7 @@ import small_gicp
 from numpy.typing import NDArray
 
 from services.mapper.registration import Points
-from shared.kernel import kernel
+from shared.kernel import lean_kernel
 from shared.runtime.config import MapperConfig
 
 
@@ -82,7 +82,7 @@ def outliers(points_m: Points, num_neighbours: int, num_deviations: float, num_t
     return is_far
 
 
-@kernel()
+@lean_kernel()
 def _judge(
     points: Points,
     is_body: NDArray[np.bool_],
@@ -105,6 +105,6 @@ def _judge(
             verdicts[i] = _ON_BODY if len(is_body) and is_body[i] else 0
 
 
-@kernel()
+@lean_kernel()
 def _is_inside(x: float, y: float, z: float, box_m: NDArray[np.float64]) -> bool:
     return bool(box_m[0, 0] <= x <= box_m[0, 1] and box_m[1, 0] <= y <= box_m[1, 1] and box_m[2, 0] <= z <= box_m[2, 1])

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from services.mapper.registration import Points
 from services.mapper.voxel_table import VoxelTable
-from shared.kernel import kernel
+from shared.kernel import lean_kernel
 
 _MAX_OBSERVATIONS = 20
 """A voxel is settled after this many points, which leaves 8 mm of noise at 2 mm; later points cannot make it drift."""
@@ -61,7 +61,7 @@ def voxel_centroids(points_m: Points, voxel_size_m: float) -> NDArray[np.float64
     return centroids
 
 
-@kernel()
+@lean_kernel()
 def _accumulate(
     points: NDArray[np.float64],
     rows: NDArray[np.int32],

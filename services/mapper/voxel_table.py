@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.mapper.registration import Points
-from shared.kernel import kernel
+from shared.kernel import lean_kernel
 
 _BITS = 21
 _OFFSET = 1 << (_BITS - 1)
@@ -70,7 +70,7 @@ class VoxelTable:
         _add(known, self._slots, self._keys, 0, np.empty(len(known), dtype=np.int32))
 
 
-@kernel()
+@lean_kernel()
 def _number_cells(points: NDArray[np.float64], voxel_size_m: float, keys: NDArray[np.int64]) -> bool:
     """Fills in one integer a point, the same for all points of one voxel; False if one is too far."""
     for i in range(len(points)):
@@ -84,7 +84,7 @@ def _number_cells(points: NDArray[np.float64], voxel_size_m: float, keys: NDArra
     return True
 
 
-@kernel()
+@lean_kernel()
 def _slot_of(key: int, slots: NDArray[np.int32], keys: NDArray[np.int64]) -> int:
     """Where a key stands, or the free slot where it belongs (linear probing after Fibonacci hashing)."""
     mask = len(slots) - 1
@@ -94,7 +94,7 @@ def _slot_of(key: int, slots: NDArray[np.int32], keys: NDArray[np.int64]) -> int
     return slot
 
 
-@kernel()
+@lean_kernel()
 def _add(
     new_keys: NDArray[np.int64],
     slots: NDArray[np.int32],
@@ -113,7 +113,7 @@ def _add(
     return num
 
 
-@kernel()
+@lean_kernel()
 def _find(
     wanted: NDArray[np.int64], slots: NDArray[np.int32], keys: NDArray[np.int64], is_known: NDArray[np.bool_]
 ) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from services.mapper.planes.moments import NUM_MOMENTS, squares_to
 from services.mapper.planes.runs import Runs
 from services.mapper.planes.voxel_table import VoxelTable, slot_at
-from shared.kernel import kernel
+from shared.kernel import lean_kernel
 
 Float = NDArray[np.float64]
 
@@ -59,16 +59,17 @@ def room_for(num_patches: int, num_runs: int) -> Association:
     )
 
 
-@kernel()
+@lean_kernel()
 def clear(out: Association) -> None:
     """Forgets all runs."""
     for k in range(out.num_touched[0]):
         out.num_points[out.touched[k]] = 0
-        out.moments[out.touched[k]] = 0.0
+        for moment in range(NUM_MOMENTS):
+            out.moments[out.touched[k], moment] = 0.0
     out.num_touched[0] = 0
 
 
-@kernel(fastmath=REASSOCIATED)
+@lean_kernel(fastmath=REASSOCIATED)
 def _add(out: Association, patch: int, M: Float, num_points: int, weight: float) -> None:
     if out.num_points[patch] == 0:
         out.touched[out.num_touched[0]] = patch
@@ -78,7 +79,7 @@ def _add(out: Association, patch: int, M: Float, num_points: int, weight: float)
         out.moments[patch, k] += weight * M[k]
 
 
-@kernel(fastmath=REASSOCIATED)
+@lean_kernel(fastmath=REASSOCIATED)
 def _seek(
     entries: NDArray[np.int32],
     planes: Float,
@@ -108,7 +109,7 @@ def _seek(
     return best, best_m, next_m
 
 
-@kernel(fastmath=REASSOCIATED)
+@lean_kernel(fastmath=REASSOCIATED)
 def _turn(T: Float, p: Float) -> tuple[float, float, float]:
     """R p of the pose T (3, 4)."""
     return (
@@ -118,14 +119,14 @@ def _turn(T: Float, p: Float) -> tuple[float, float, float]:
     )
 
 
-@kernel(fastmath=REASSOCIATED)
+@lean_kernel(fastmath=REASSOCIATED)
 def _cosine(plane: Float, ray: tuple[float, float, float]) -> float:
     """Of the incidence: 1 where the ray meets the plane at right angles."""
     along = -(plane[0] * ray[0] + plane[1] * ray[1] + plane[2] * ray[2])
     return float(along) / math.sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2])
 
 
-@kernel(fastmath=REASSOCIATED)
+@lean_kernel(fastmath=REASSOCIATED)
 def _is_scattered(M: Float, T: Float, plane: Float, sigma_m: float, cosine: float) -> bool:
     """Whether the points of a run lie farther off the plane than three standard deviations of what noise does."""
     k = M[9]
@@ -139,7 +140,7 @@ def _is_scattered(M: Float, T: Float, plane: Float, sigma_m: float, cosine: floa
     return bool(squares_to(M, a0, a1, a2, a3) > usual * (1.0 + 3.0 * math.sqrt(2.0 / k)))
 
 
-@kernel(fastmath=REASSOCIATED)
+@lean_kernel(fastmath=REASSOCIATED)
 def seek_wide(runs: Runs, i: int, T: Float, table: VoxelTable, planes: Float, gate_m: float) -> tuple[int, float]:
     """The patch on which run i may lie at a pose T (3, 4), as far as a wide gate says, and its distance; or -1."""
     ray = _turn(T, runs.centroids_m[i])
@@ -152,7 +153,7 @@ def seek_wide(runs: Runs, i: int, T: Float, table: VoxelTable, planes: Float, ga
     return j, distance_m
 
 
-@kernel(fastmath=REASSOCIATED)
+@lean_kernel(fastmath=REASSOCIATED)
 def associate_wide(
     runs: Runs, stride: int, T: Float, table: VoxelTable, planes: Float, gate_m: float, out: Association
 ) -> None:
@@ -170,7 +171,7 @@ def associate_wide(
         _add(out, j, runs.moments[i], runs.num_points[i], weight)
 
 
-@kernel(fastmath=REASSOCIATED)
+@lean_kernel(fastmath=REASSOCIATED)
 def associate(
     runs: Runs, stride: int, T: Float, table: VoxelTable, planes: Float, out: Association
 ) -> tuple[int, int, int]:

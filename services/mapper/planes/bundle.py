@@ -20,7 +20,7 @@ from services.mapper.planes.gauss_newton import (
     step_pose,
     tangents,
 )
-from shared.kernel import kernel
+from shared.kernel import kernel, lean_kernel
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -126,7 +126,7 @@ def _solve_pose(out: Equations, i: int, first: int, after: int) -> None:
             out.solved[k, :, c] = x
 
 
-@kernel(fastmath={"contract", "reassoc", "nsz"})
+@lean_kernel(fastmath={"contract", "reassoc", "nsz"})
 def _subtract_pair(W: Float, Y: Float, S: Float, row: int, column: int) -> None:
     """S -= W^T Y, both (6, 3), at (row, column)."""
     for r in range(NUM_PATCH):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.kernel import kernel
+from shared.kernel import lean_kernel
 
 Float = NDArray[np.float64]
 
@@ -15,7 +15,7 @@ _MAX_SWEEPS = 12
 """Cyclic Jacobi converges quadratically: 5 or 6 sweeps are usual at double precision."""
 
 
-@kernel()
+@lean_kernel()
 def _rotation(app: float, aqq: float, apq: float) -> tuple[float, float]:
     """Cosine and sine of the Givens rotation that clears the element apq."""
     theta = (aqq - app) / (2.0 * apq)
@@ -24,7 +24,7 @@ def _rotation(app: float, aqq: float, apq: float) -> tuple[float, float]:
     return cosine, tangent * cosine
 
 
-@kernel()
+@lean_kernel()
 def _rotate(A: Float, V: Float, p: int, q: int) -> None:
     """A <- G^T A G and V <- V G, with the rotation G in the plane of p and q that makes A[p, q] 0."""
     if abs(A[p, q]) < 1e-300:
@@ -40,7 +40,7 @@ def _rotate(A: Float, V: Float, p: int, q: int) -> None:
         V[k, p], V[k, q] = c * a - s * b, s * a + c * b
 
 
-@kernel()
+@lean_kernel()
 def _swap_if_less(A: Float, V: Float, i: int, j: int) -> None:
     if A[j, j] < A[i, i]:
         A[i, i], A[j, j] = A[j, j], A[i, i]
@@ -48,13 +48,15 @@ def _swap_if_less(A: Float, V: Float, i: int, j: int) -> None:
             V[k, i], V[k, j] = V[k, j], V[k, i]
 
 
-@kernel()
+@lean_kernel()
 def diagonalise(A: Float, V: Float) -> None:
     """Symmetric A (3, 3) becomes diagonal, smallest first; V's columns are then its unit eigenvectors.
 
     Source: Golub, Van Loan, "Matrix Computations", the cyclic Jacobi method.
     """
-    V[:] = 0.0
+    for row in range(V.shape[0]):
+        for column in range(V.shape[1]):
+            V[row, column] = 0.0
     for k in range(3):
         V[k, k] = 1.0
     for _ in range(_MAX_SWEEPS):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from services.mapper.planes.moments import NUM_MOMENTS, add_moved, fit_plane, squares_to
 from services.mapper.planes.runs import Runs
 from services.mapper.planes.voxel_table import voxel_key
-from shared.kernel import kernel
+from shared.kernel import kernel, lean_kernel
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -61,7 +61,7 @@ def _level(runs: Runs, chosen: Int, T: Float, inverse_m: float) -> tuple[Float, 
     return centroids_m, moments, keys
 
 
-@kernel()
+@lean_kernel()
 def _is_on(M: Float, plane: Float, sigma_m: float) -> bool:
     """Whether the points of a run lie on a plane, as far as noise allows."""
     k = M[9]
@@ -84,7 +84,7 @@ def _seed(cloud: Cloud, v: int, labels: Int, plane: Float) -> bool:
     return across < (_FLATNESS * sigma_m / num) ** 2 and along > _MIN_WIDTH_M**2
 
 
-@kernel()
+@lean_kernel()
 def _is_within(cloud: Cloud, i: int, centre: Float) -> bool:
     c = cloud.centroids_m[i]
     x, y, z = c[0] - centre[0], c[1] - centre[1], c[2] - centre[2]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from services.mapper.planes.association import Association
 from services.mapper.planes.moments import times
 from services.mapper.planes.patches import PatchArrays
-from shared.kernel import kernel
+from shared.kernel import kernel, lean_kernel
 
 Float = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ HELD = 1e3
 """Damping (1/m^2, 1/rad^2), about what one point at 30 mm of noise says: directions of which no more is known stay."""
 
 
-@kernel()
+@lean_kernel()
 def tangents(normal: Float, B: Float) -> None:
     """Writes two unit vectors B (3, 2) at right angles to a unit normal (3,) and to one another."""
     k = 0
@@ -44,10 +44,12 @@ def tangents(normal: Float, B: Float) -> None:
         B[i, 1] = normal[j] * B[m, 0] - normal[m] * B[j, 0]
 
 
-@kernel()
+@lean_kernel()
 def pose_columns(T: Float, plane: Float, J: Float) -> None:
     """Writes the columns of the pose and, last, alpha itself into J (4, 10), for a pose T (3, 4)."""
-    J[:] = 0.0
+    for row in range(J.shape[0]):
+        for column in range(J.shape[1]):
+            J[row, column] = 0.0
     for i in range(3):
         J[i, ALPHA] = T[0, i] * plane[0] + T[1, i] * plane[1] + T[2, i] * plane[2]
     J[3, ALPHA] = T[0, 3] * plane[0] + T[1, 3] * plane[1] + T[2, 3] * plane[2] + plane[3]
@@ -58,7 +60,7 @@ def pose_columns(T: Float, plane: Float, J: Float) -> None:
     J[2, 3], J[2, 4] = -b, a
 
 
-@kernel()
+@lean_kernel()
 def patch_columns(T: Float, B: Float, origin: Float, J: Float) -> None:
     """Writes the columns of the patch into J (4, 10)."""
     for q in range(2):
@@ -71,17 +73,19 @@ def patch_columns(T: Float, B: Float, origin: Float, J: Float) -> None:
     J[3, NUM_POSE + 2] = 1.0
 
 
-@kernel()
+@lean_kernel()
 def prior_columns(plane: Float, B: Float, origin: Float, J: Float) -> None:
     """Writes the columns of the patch into J (4, 10) as its own moments in the map see them, and its plane last."""
-    J[:] = 0.0
+    for row in range(J.shape[0]):
+        for column in range(J.shape[1]):
+            J[row, column] = 0.0
     for i in range(3):
         J[i, NUM_POSE], J[i, NUM_POSE + 1], J[i, ALPHA] = B[i, 0], B[i, 1], plane[i]
     J[3, NUM_POSE + 2] = 1.0
     J[3, ALPHA] = plane[0] * origin[0] + plane[1] * origin[1] + plane[2] * origin[2] + plane[3]
 
 
-@kernel()
+@lean_kernel()
 def add_products(M: Float, J: Float, first: int, MJ: Float, N: Float) -> None:
     """N += J^T M J from the column `first` on. MJ (4, 10): room to work in."""
     for q in range(first, NUM_COLUMNS):
@@ -91,7 +95,7 @@ def add_products(M: Float, J: Float, first: int, MJ: Float, N: Float) -> None:
             N[p, q] += J[0, p] * MJ[0, q] + J[1, p] * MJ[1, q] + J[2, p] * MJ[2, q] + J[3, p] * MJ[3, q]
 
 
-@kernel()
+@lean_kernel()
 def eliminate_patch(N: Float) -> None:
     """Takes the patch out of N (10, 10): what is left is what the pose may still hope for (Schur complement)."""
     for p in range(NUM_POSE + NUM_PATCH - 1, NUM_POSE - 1, -1):
@@ -106,7 +110,7 @@ def eliminate_patch(N: Float) -> None:
                 N[i, j] -= factor * N[p, j]
 
 
-@kernel(fastmath={"contract", "reassoc", "nsz"})
+@lean_kernel(fastmath={"contract", "reassoc", "nsz"})
 def factorise(H: Float) -> None:
     """The lower half of a positive definite H (K, K) becomes its Cholesky factor."""
     for i in range(len(H)):
@@ -117,7 +121,7 @@ def factorise(H: Float) -> None:
             H[i, j] = math.sqrt(max(s, 1e-12)) if i == j else s / H[j, j]
 
 
-@kernel()
+@lean_kernel()
 def solve_factorised(L: Float, x: Float) -> None:
     """x (K,) becomes the solution of L L^T x = x, with a lower L (K, K)."""
     K = len(x)
@@ -131,7 +135,7 @@ def solve_factorised(L: Float, x: Float) -> None:
         x[i] /= L[i, i]
 
 
-@kernel()
+@lean_kernel()
 def step_pose(T: Float, x: Float) -> None:
     """Moves T (3, 4) by x (6,): translation, then rotation, along the lidar's axes."""
     angle = math.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.kernel import kernel
+from shared.kernel import kernel, lean_kernel
 
 Float = NDArray[np.float64]
 
@@ -131,13 +131,13 @@ def _offsets(normal: Float, offset_m: float, planes: Float, near: Float, radius_
     return num
 
 
-@kernel()
+@lean_kernel()
 def _determinant(a: Float, b: Float, c: Float) -> float:
     x, y, z = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
     return float(a[0] * x + a[1] * y + a[2] * z)
 
 
-@kernel()
+@lean_kernel()
 def _add_corner(n: Float, p: float, q: float, r: float, out: Float) -> None:
     """Writes the point (3,) where three planes n.x = (p, q, r) with normals n (3, 3) meet (Cramer's rule)."""
     determinant = _determinant(n[0], n[1], n[2])
@@ -150,7 +150,7 @@ def _add_corner(n: Float, p: float, q: float, r: float, out: Float) -> None:
         ) / determinant
 
 
-@kernel()
+@lean_kernel()
 def _add_corners(normals: Float, offsets: Float, num_offsets: NDArray[np.int64], out: Float, num: int) -> int:
     """Adds the points (N, 3) where three planes with normals (3, 3) meet, for each choice of their offsets."""
     for a in range(num_offsets[0]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -34,6 +35,7 @@ Float = NDArray[np.float64]
 _GATE_M = 0.05
 """Half the width of the narrowest face: a wider first gate takes points to the other face of a bar, and stays there."""
 _SEARCH_GATE_M = 0.1
+_WIDER_GATES_M = (0.2, 0.1)
 _TOLERANCE = 0.06
 """An agreement so far below the usual is looked into: right ones vary by less."""
 _SUSPECT_TOLERANCE = 0.15
@@ -118,7 +120,7 @@ class PlaneMatcher:
         """The best place of a scan near the guesses of T_map_lidar, the most likely first; searches wider as needed."""
         runs, association = self._prepared(points_lidar_m)
         poses = [_rows(guess) for guess in guesses]
-        best, is_suspect = self._follow(runs, poses[0], _GATE_M, association), False
+        best, is_suspect = self._nearby(runs, poses, association), False
         if not self._is_as_usual(best.counts):
             pieces = pieces_of(runs, self.patch_map.voxel_m)
             reach = Reach(_SEARCH_ANGLE_RAD * widening, _SEARCH_RADIUS_M * widening, _MAX_POSES)
@@ -162,6 +164,17 @@ class PlaneMatcher:
     def _prepared(self, points_lidar_m: Points) -> tuple[Runs, Association]:
         runs = cut_runs(in_order(points_lidar_m), self.patch_map.sigma_by_range_m)
         return runs, room_for(len(self.patch_map.arrays.planes), len(runs.num_points))
+
+    def _nearby(self, runs: Runs, guesses: list[Float], association: Association) -> _Candidate:
+        """From the guesses alone, through gates ever wider, until the map explains as much of the scan as usual."""
+        first = self._follow(runs, guesses[0], _GATE_M, association)
+        if self._is_as_usual(first.counts):
+            return first
+        for gate_m, guess in itertools.product(_WIDER_GATES_M, guesses):
+            candidate = self._follow(runs, guess, gate_m, association)
+            if self._is_as_usual(candidate.counts):
+                return candidate
+        return first
 
     def _follow(self, runs: Runs, T: Float, gate_m: float, association: Association) -> _Candidate:
         T = T.copy()

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.mapper.planes.eigen import diagonalise
-from shared.kernel import kernel
+from shared.kernel import kernel, lean_kernel
 
 Float = NDArray[np.float64]
 
 NUM_MOMENTS = 10
 
 
-@kernel()
+@lean_kernel()
 def add_point(M: Float, x: float, y: float, z: float) -> None:
     """Adds a point of weight 1."""
     M[0] += x * x
@@ -33,7 +33,7 @@ def add_point(M: Float, x: float, y: float, z: float) -> None:
     M[9] += 1.0
 
 
-@kernel()
+@lean_kernel()
 def squares_to(M: Float, a0: float, a1: float, a2: float, a3: float) -> float:
     """The sum of squared distances to the plane (a0, a1, a2, a3)."""
     diagonal = a0 * a0 * M[0] + a1 * a1 * M[4] + a2 * a2 * M[7] + a3 * a3 * M[9]
@@ -41,7 +41,7 @@ def squares_to(M: Float, a0: float, a1: float, a2: float, a3: float) -> float:
     return float(diagonal + 2.0 * mixed)
 
 
-@kernel()
+@lean_kernel()
 def times(M: Float, a: Float, column: int, out: Float) -> None:
     """Column of out (4, C) = M a, with that column of a (4, C)."""
     a0, a1, a2, a3 = a[0, column], a[1, column], a[2, column], a[3, column]
@@ -51,7 +51,7 @@ def times(M: Float, a: Float, column: int, out: Float) -> None:
     out[3, column] = M[3] * a0 + M[6] * a1 + M[8] * a2 + M[9] * a3
 
 
-@kernel()
+@lean_kernel()
 def add_moved(M: Float, R: Float, x: float, y: float, z: float, out: Float) -> None:
     """Adds to `out` the moments of the points R p + (x, y, z), where M are those of the points p."""
     w = M[9]
@@ -70,7 +70,7 @@ def add_moved(M: Float, R: Float, x: float, y: float, z: float, out: Float) -> N
     out[9] += w
 
 
-@kernel()
+@lean_kernel()
 def _turned(M: Float, R: Float, i: int, j: int) -> float:
     """Element (i, j) of R S R^T, with the second moments S (3, 3) in M."""
     a, b, c = R[j, 0], R[j, 1], R[j, 2]

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.kernel import kernel
+from shared.kernel import lean_kernel
 
 Float = NDArray[np.float64]
 
@@ -34,13 +34,13 @@ _MIN_SIGMA_M = 0.001
 """Below it, float32 and the deskewing are the greater errors."""
 
 
-@kernel()
+@lean_kernel()
 def range_bin(range_m: float) -> int:
     """Where in a table of NUM_RANGE_BINS a range is."""
     return min(int(range_m * (1.0 / RANGE_BIN_M)), NUM_RANGE_BINS - 1)
 
 
-@kernel()
+@lean_kernel()
 def _range_and_angle(points_m: NDArray[np.floating], i: int, j: int) -> tuple[float, float]:
     """The range of point j, and the angle between the rays of i and j."""
     ax, ay, az = float(points_m[i, 0]), float(points_m[i, 1]), float(points_m[i, 2])
@@ -51,7 +51,7 @@ def _range_and_angle(points_m: NDArray[np.floating], i: int, j: int) -> tuple[fl
     )
 
 
-@kernel()
+@lean_kernel()
 def range_residuals(points_m: NDArray[np.floating], residuals_m: Float, ranges_m: Float) -> int:
     """Writes what each three successive points (N, 3) say of the noise of a range; returns how many could be used.
 

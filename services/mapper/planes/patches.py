@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from services.mapper.planes.association import Association
 from services.mapper.planes.moments import NUM_MOMENTS, add_moved, fit_plane
 from services.mapper.planes.voxel_table import VoxelTable, empty_table, put_about, put_around, with_room
-from shared.kernel import kernel
+from shared.kernel import kernel, lean_kernel
 
 Float = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ def refit(patches: PatchArrays, j: int) -> None:
     old[:] = plane
 
 
-@kernel()
+@lean_kernel()
 def _list_points(points_m: Float, patch_of: NDArray[np.int64], narrow: VoxelTable, wide: VoxelTable) -> None:
     for i in range(len(points_m)):
         if patch_of[i] >= 0:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from services.mapper.planes.moments import NUM_MOMENTS, add_point
 from services.mapper.planes.noise import range_bin
-from shared.kernel import kernel
+from shared.kernel import lean_kernel
 
 Float = NDArray[np.float64]
 
@@ -40,10 +40,10 @@ class Runs(NamedTuple):
     slopes: Float
 
 
-@kernel()
+@lean_kernel()
 def _set_direction(points_m: NDArray[np.floating], first: int, last: int, sigma_m: float, direction: Float) -> float:
     """Writes the unit direction (3,) of a run, or 0; returns how far it may be wrong."""
-    direction[:] = 0.0
+    direction[0] = direction[1] = direction[2] = 0.0
     k = last - first + 1
     x = float(points_m[last, 0]) - float(points_m[first, 0])
     y = float(points_m[last, 1]) - float(points_m[first, 1])
@@ -55,7 +55,7 @@ def _set_direction(points_m: NDArray[np.floating], first: int, last: int, sigma_
     return sigma_m / length / math.sqrt(k / 3.0)
 
 
-@kernel()
+@lean_kernel()
 def _end_of_run(points_m: NDArray[np.floating], first: int) -> int:
     """The index after the last point of the run that begins at `first`."""
     last = min(first + MAX_RUN_POINTS, len(points_m))
@@ -68,13 +68,14 @@ def _end_of_run(points_m: NDArray[np.floating], first: int) -> int:
     return last
 
 
-@kernel()
+@lean_kernel()
 def _cut(points_m: NDArray[np.floating], sigma_by_range_m: Float, out: Runs) -> int:
     num, first = 0, 0
     while first < len(points_m):
         after = _end_of_run(points_m, first)
         M = out.moments[num]
-        M[:] = 0.0
+        for k in range(NUM_MOMENTS):
+            M[k] = 0.0
         for i in range(first, after):
             add_point(M, float(points_m[i, 0]), float(points_m[i, 1]), float(points_m[i, 2]))
         x, y, z = M[3] / M[9], M[6] / M[9], M[8] / M[9]

@@ -12,7 +12,7 @@ from services.mapper.planes.association import seek_wide
 from services.mapper.planes.extraction import extract_planes
 from services.mapper.planes.hypotheses import angles_rad, rotations, translations
 from services.mapper.planes.runs import Runs
-from shared.kernel import kernel
+from shared.kernel import lean_kernel
 
 Float = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def pieces_of(runs: Runs, voxel_m: float) -> Pieces:
     return Pieces(planes[order], num_points[order])
 
 
-@kernel()
+@lean_kernel()
 def _rate(runs: Runs, stride: int, poses: Float, target: Target, out: Float) -> None:
     for h in range(len(poses)):
         rating, num = 0.0, 0

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.kernel import kernel
+from shared.kernel import kernel, lean_kernel
 
 _BITS = 21
 _OFFSET = 1 << (_BITS - 1)
@@ -57,7 +57,7 @@ def with_room(table: VoxelTable, num_more: int, max_slots: int) -> VoxelTable:
     return larger
 
 
-@kernel()
+@lean_kernel()
 def voxel_key(x: float, y: float, z: float, inverse_m: float) -> int:
     """One integer a voxel, from coordinates in metres; voxels 2^20 and more from the origin share keys."""
     mask = 2 * _OFFSET - 1
@@ -67,7 +67,7 @@ def voxel_key(x: float, y: float, z: float, inverse_m: float) -> int:
     return (i << (2 * _BITS)) | (j << _BITS) | k
 
 
-@kernel()
+@lean_kernel()
 def find_slot(keys: NDArray[np.int64], key: int) -> int:
     """The slot of a voxel, or the empty one where it would go (Knuth's multiplicative hash, linear probing)."""
     mask = len(keys) - 1
@@ -77,13 +77,13 @@ def find_slot(keys: NDArray[np.int64], key: int) -> int:
     return slot
 
 
-@kernel()
+@lean_kernel()
 def slot_at(table: VoxelTable, x: float, y: float, z: float) -> int:
     """The slot of the voxel at (x, y, z); the list there is empty if the voxel is not known."""
     return find_slot(table.keys, voxel_key(x, y, z, table.inverse_m[0]))
 
 
-@kernel()
+@lean_kernel()
 def put(table: VoxelTable, x: float, y: float, z: float, patch: int, is_core: bool) -> None:
     """Lists a patch in the voxel at (x, y, z), if there is room in table and list."""
     key = voxel_key(x, y, z, table.inverse_m[0])
@@ -103,7 +103,7 @@ def put(table: VoxelTable, x: float, y: float, z: float, patch: int, is_core: bo
             return
 
 
-@kernel()
+@lean_kernel()
 def is_listed(table: VoxelTable, x: float, y: float, z: float, patch: int) -> bool:
     """Whether the patch was seen in the voxel at (x, y, z)."""
     is_there = False
@@ -112,7 +112,7 @@ def is_listed(table: VoxelTable, x: float, y: float, z: float, patch: int) -> bo
     return is_there
 
 
-@kernel()
+@lean_kernel()
 def put_about(table: VoxelTable, x: float, y: float, z: float, patch: int) -> None:
     """Lists a patch as seen at (x, y, z), and as near in all voxels that a cube of one voxel's size about it meets."""
     put(table, x, y, z, patch, True)
@@ -123,7 +123,7 @@ def put_about(table: VoxelTable, x: float, y: float, z: float, patch: int) -> No
                 put(table, x + a, y + b, z + c, patch, False)
 
 
-@kernel()
+@lean_kernel()
 def put_around(table: VoxelTable, x: float, y: float, z: float, patch: int) -> None:
     """Lists a patch as seen at (x, y, z), and as near in the 26 voxels around."""
     if is_listed(table, x, y, z, patch):
