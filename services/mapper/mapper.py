@@ -195,9 +195,10 @@ class Mapper:
         is_body = self._motion.body_mask(measured.points_m, taken_ns)
         points_m = self._filter.filtered(measured.points_m, is_body).points_m
         step = self._motion.step(taken_ns)
-        track = self._target.add(points_m, step)
-        self.last = Registered(points_m, track.T_map_sensor, track.is_tracking)
+        track = self._target.follow(points_m, step)
         registered_ns = self._clock_ns()
+        self._target.add_to_cloud(points_m, track)
+        self.last = Registered(points_m, track.T_map_sensor, track.is_tracking)
         self._motion.correct(taken_ns, track.T_map_sensor if track.is_tracking else None)
         slip = self._motion.slip(taken_ns, track)
         is_slip = self._motion.is_slip(slip)

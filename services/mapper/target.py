@@ -55,13 +55,15 @@ class Target:
             self._tracker = Tracker(self._config, self.matcher, self._T_map_first)
             self._is_restarted = True
 
-    def add(self, points_m: Points, step: Step) -> Track:
-        """Finds a filtered scan (N, 3), in the sensor's frame, and takes it in."""
-        track = self._followed(points_m, step)
+    def add_to_cloud(self, points_m: Points, track: Track) -> None:
+        """Takes a scan (N, 3) that was followed into the map's cloud, if it is believed."""
         if track.is_tracking:
             self._voxels.insert(track.T_map_sensor.apply(points_m))
-        else:
-            self.num_lost_scans += 1
+
+    def follow(self, points_m: Points, step: Step) -> Track:
+        """Finds a filtered scan (N, 3), in the sensor's frame, and takes it into what further scans are aligned to."""
+        track = self._followed(points_m, step)
+        self.num_lost_scans += not track.is_tracking
         return track
 
     def _followed(self, points_m: Points, step: Step) -> Track:

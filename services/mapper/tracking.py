@@ -15,6 +15,8 @@ _MAX_WIDENINGS = 3
 """What is searched and believed doubles with each lost scan, so often at most."""
 _MEASURED = 0.25
 """Of what is searched and believed without a measurement of the motion; legs and IMUs are wrong by centimetres."""
+_JUST_THERE_M, _JUST_THERE_RAD = 0.03, 0.035
+"""What a measured step may be wrong by and still tell two places apart: slips along weak directions are 4-12 cm."""
 _LOCALISE_AFTER = 2
 """Lost scans after which the whole map is searched, at first at each and then at every so many scans."""
 _LOCALISE_EVERY = 5
@@ -58,15 +60,16 @@ class Tracker:
     def follow(self, points_m: Points, step: SE3, *, is_measured: bool = False) -> Track:
         """Finds a filtered scan (N, 3), in the sensor's frame, in the map. step: T_last_now as predicted.
 
-        is_measured: the step comes from a measurement of the motion rather than from its trend: less is searched.
+        is_measured: the step comes from a measurement of the motion rather than from its trend. Then only its end is
+        searched, less far, and a place that is just there is believed even where another would fit as well.
         """
         prediction = self._T_map_sensor @ step
-        guesses = [prediction, self._T_map_tracked]
-        widening = 2.0 ** min(self.num_lost, _MAX_WIDENINGS) * (_MEASURED if is_measured else 1.0)
+        guesses = [prediction] if is_measured else [prediction, self._T_map_tracked]
+        widening = self._widening(is_measured)
         result = self._matcher.align(points_m, guesses, widening)
         is_found_again = False
-        if not (self._is_clear(result) and self._is_near(result, guesses, widening)):
-            result, is_found_again = self._found_anywhere(points_m, guesses) or (result, False)
+        if not (self._is_clear(result, prediction, is_measured) and self._is_near(result, guesses, widening)):
+            result, is_found_again = self._found_anywhere(points_m, guesses, is_measured) or (result, False)
             if not is_found_again:
                 self._T_map_sensor = prediction
                 self.num_lost += 1
@@ -78,19 +81,27 @@ class Tracker:
         self.num_lost = 0
         return Track(T_map_sensor, True, result, axes, is_found_again)
 
-    def _found_anywhere(self, points_m: Points, guesses: list[SE3]) -> tuple[RegistrationResult, bool] | None:
+    def _widening(self, is_measured: bool) -> float:
+        widest = 2.0 ** min(self.num_lost, _MAX_WIDENINGS)
+        return min(_MEASURED * widest, 1.0) if is_measured else widest
+
+    def _is_clear(self, result: RegistrationResult, prediction: SE3, is_measured: bool) -> bool:
+        if result.score < self._config.min_score:
+            return False
+        return not result.is_suspect or (is_measured and _is_at(result.T_map_lidar, prediction))
+
+    def _found_anywhere(
+        self, points_m: Points, guesses: list[SE3], is_measured: bool
+    ) -> tuple[RegistrationResult, bool] | None:
         """A clear place in the whole map, not farther than so many lost scans allow: lattices repeat themselves."""
         since = self.num_lost - _LOCALISE_AFTER
         if self._config.scan_to == "scan" or since < 0 or (since > _LOCALISE_EVERY and since % _LOCALISE_EVERY):
             return None
         result = self._matcher.localise(points_m)
-        if result is None or not self._is_clear(result):
+        if result is None or result.is_suspect or result.score < self._config.min_score:
             return None
-        is_near = self._is_near(result, guesses, 2.0 ** min(self.num_lost, _MAX_DOUBLINGS))
-        return (result, True) if is_near else None
-
-    def _is_clear(self, result: RegistrationResult) -> bool:
-        return result.score >= self._config.min_score and not result.is_suspect
+        widening = 2.0 ** min(self.num_lost, _MAX_DOUBLINGS) * (_MEASURED if is_measured else 1.0)
+        return (result, True) if self._is_near(result, guesses, widening) else None
 
     def _is_near(self, result: RegistrationResult, guesses: list[SE3], widening: float) -> bool:
         jumps = [guess.inv() @ result.T_map_lidar for guess in guesses]
@@ -99,3 +110,8 @@ class Tracker:
             and jump.angle_rad <= np.deg2rad(self._config.max_jump_deg) * widening
             for jump in jumps
         )
+
+
+def _is_at(T: SE3, prediction: SE3) -> bool:
+    difference = prediction.inv() @ T
+    return bool(np.linalg.norm(difference.translation) <= _JUST_THERE_M and difference.angle_rad <= _JUST_THERE_RAD)

@@ -73,10 +73,11 @@ class VoxelTable:
 @lean_kernel()
 def _number_cells(points: NDArray[np.float64], voxel_size_m: float, keys: NDArray[np.int64]) -> bool:
     """Fills in one integer a point, the same for all points of one voxel; False if one is too far."""
+    inverse = 1.0 / voxel_size_m
     for i in range(len(points)):
         key = 0
         for axis in range(3):
-            cell = np.floor(points[i, axis] / voxel_size_m)
+            cell = np.floor(points[i, axis] * inverse)
             if not abs(cell) < _OFFSET:
                 return False
             key = (key << _BITS) | (int(cell) + _OFFSET)
@@ -104,6 +105,9 @@ def _add(
 ) -> int:
     """Fills in the row of each key, and returns how many rows are then taken."""
     for i in range(len(new_keys)):
+        if i > 0 and new_keys[i] == new_keys[i - 1]:
+            rows[i] = rows[i - 1]
+            continue
         slot = _slot_of(new_keys[i], slots, keys)
         if slots[slot] == _EMPTY and num < len(keys):
             slots[slot] = num

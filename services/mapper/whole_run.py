@@ -12,7 +12,7 @@ from services.mapper.loop_closure import close_loops
 from services.mapper.mapper import Registered
 from services.mapper.planes.growth import map_of_scans
 from services.mapper.planes.matcher import PlaneMatcher
-from services.mapper.planes.refinement import refine
+from services.mapper.planes.refinement import refine_run
 from services.mapper.registration import Points, ScanMatcher
 from services.mapper.voxel_map import VoxelMap
 from shared.geometry import SE3
@@ -48,7 +48,7 @@ def refined(run: Sequence[Registered], matcher: ScanMatcher, config: MapperConfi
     else:
         poses, num_loops = _with_loops_closed(scans, poses, config)
         patch_map = map_of_scans(scans, [pose.matrix[:3] for pose in poses], config)
-    poses = refine(scans, poses, patch_map).poses
+    poses = refine_run(scans, poses, patch_map, config).poses
     voxels = VoxelMap(config.voxel_size_m, config.max_map_points)
     for points_m, pose in zip(scans, poses, strict=True):
         voxels.insert(pose.apply(points_m))

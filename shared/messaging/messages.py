@@ -371,7 +371,8 @@ class MapStatus(Measurement):
 
     scan_seq: the scan's `seq`. prior: what predicted the motion. is_tracking: the pose is believed; otherwise the
     sensor is lost, and its pose is the prediction. score: 0..1, how well the map explains the scan. fitness: mean
-    squared distance of the inliers in m^2. is_suspect: another pose would fit as well. lag_ms: from receipt to result.
+    squared distance of the inliers in m^2. is_suspect: another pose would fit as well.
+    registration_ms: from the message to the pose, with what further scans are aligned to. lag_ms: from its receipt on.
     degenerate_axes: which of x y z roll pitch yaw (map frame) the scan does not determine; there the prior holds the
     pose. leg_slip_m: how far scans and legs disagree over the last second; None without legs. num_lost_scans: so far.
     """

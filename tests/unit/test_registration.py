@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from services.mapper.degeneracy import AXES, covariance, degenerate_axes
 from services.mapper.methods.registry import METHODS
 from services.mapper.methods.surface import Surface
 from services.mapper.registration import MIN_POINTS, RegistrationError, surface_score
-from services.mapper.degeneracy import AXES, covariance, degenerate_axes
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
 from tests.support.steel_clouds import steel_cloud

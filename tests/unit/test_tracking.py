@@ -1,7 +1,6 @@
 """The tracker with the real GICP in a corner of three walls, a stage at a time."""
 
 import numpy as np
-import pytest
 
 from services.mapper.matching import make_matcher
 from services.mapper.tracking import Tracker

@@ -17,7 +17,7 @@ from shared.kernel import kernel
 Float = NDArray[np.float64]
 
 _MAX_PASSES = 4
-_WIDE_STRIDE = 4
+_WIDE_STRIDE = 8
 _FINE_STRIDE = 2
 _WIDE_STEP = 2e-3
 _FINE_STEP = 1e-3

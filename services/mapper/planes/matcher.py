@@ -48,13 +48,15 @@ _LEAST_SHARE_WHEN_LOST = 0.7
 """The same when more than the usual way is searched, which holds more look-alikes."""
 _RIVAL_SHARE = 0.85
 """Another place that gains nearly as much as the best one: look-alikes of right places had up to 0.8 of theirs."""
+_NUM_RIVALS = 3
+"""So many further poses, in the order of their rough ratings, are followed once one fits as usual."""
 _FORGETTING = 0.2
 _SLIP_M = 0.025
 """Two poses farther apart are two answers."""
 _SEARCH_ANGLE_RAD = np.radians(80.0)
 _SEARCH_RADIUS_M = 0.3
 _MAX_POSES = 600
-_NOISE_SCANS = 64
+_NOISE_SCANS = 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,9 +191,15 @@ class PlaneMatcher:
         least_share: float,
     ) -> tuple[_Candidate, bool]:
         """The best of candidates and of what the poses lead to, and whether it may be wrong nevertheless."""
+        num_left = len(poses)
         for T in poses:
+            if num_left == 0:
+                break
+            num_left -= 1
             if not any(is_same_place(T, other.T, _SLIP_M) for other in followed):
                 followed = [*followed, self._follow(runs, T, _SEARCH_GATE_M, association)]
+                if self._is_as_usual(followed[-1].counts):
+                    num_left = min(num_left, _NUM_RIVALS)
         if not followed:
             return _Candidate(np.eye(3, 4), Counts(0, 0, 0, 0)), True
         best = max(followed, key=_gain)
