@@ -5,22 +5,20 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from cli.offline import climb_messages
 from services.evaluator.trajectory_error import compare_trajectories
 from services.mapper.mapper import Mapper
 from services.player.player import Player
 from services.player.trajectory import read_trajectory
 from services.sensors.imu import InertialUnit
 from services.sensors.loading import load_lidar, sensor_seed
-from services.sim.node import load_sim
 from shared.geometry import SE3
 from shared.messaging.frames import FrameTree
 from shared.messaging.messages import (
     Event,
     Imu,
     JointState,
-    JointTarget,
     LegState,
-    LegTarget,
     LidarScan,
     MapStatus,
     Odometry,
@@ -28,6 +26,7 @@ from shared.messaging.messages import (
     StructureDescription,
     Transforms,
 )
+from shared.runtime.config import Config
 from shared.runtime.config_loading import load_config
 
 SECONDS = 9.0
@@ -48,61 +47,62 @@ class Run:
         return compare_trajectories(self.estimated, self.true).ate_rmse_m
 
 
+class Sensed:
+    """A mapper with the LiDAR and the IMU whose frame is the LiDAR's; `without`: messages that it does not get."""
+
+    def __init__(self, config: Config, without: tuple[type, ...]) -> None:
+        self.run, self._without = Run(), without
+        self._lidar = load_lidar(config.sensors.lidar, sensor_seed(config.seed, "lidar"))
+        self._imu = InertialUnit(config.sensors.lidar.imu, "lidar", np.random.default_rng(config.seed))
+        self._true: dict[int, SE3] = {}
+        mapper = Mapper(config.mapper)
+        self._takes = {
+            RobotDescription: mapper.set_robot,
+            JointState: mapper.add_joints,
+            LegState: mapper.add_leg_state,
+            Imu: mapper.add_imu,
+            LidarScan: mapper.add_scan,
+        }
+
+    def hear(self, message) -> None:
+        """What the simulation says; from transforms follow measurements."""
+        self._map(message)
+        match message:
+            case RobotDescription():
+                self._lidar.set_robot(message)
+            case StructureDescription():
+                self._lidar.set_structure(message)
+            case Transforms():
+                T_world_lidar = self._true[message.stamp_ns] = FrameTree(message).T_root("lidar")
+                for measured in self._imu.add_pose(message.stamp_ns, T_world_lidar):
+                    self._map(measured)
+                for scan in self._lidar.add_transforms(message):
+                    self._map(scan)
+
+    def _map(self, message) -> None:
+        if type(message) in self._without or type(message) not in self._takes:
+            return
+        for answer in self._takes[type(message)](message):
+            match answer:
+                case MapStatus():
+                    self.run.statuses.append(answer)
+                case Odometry():
+                    self.run.estimated.append(SE3.from_xyz_quat_xyzw(answer.T_frame_child))
+                    self.run.true.append(self._true[answer.stamp_ns])
+                case Event():
+                    self.run.events.append(answer.text)
+
+
 def climbed(*settings: str, without: tuple[type, ...] = ()) -> Run:
-    """The beginning of the shipped climb, mapped; `without`: messages that the mapper does not get."""
+    """The beginning of the shipped climb, mapped."""
     config = load_config(overrides=["seed=4", "player.speed_radps=0.6", "sensors.lidar.mode=1024x10", *settings])
     player = Player(config.player, read_trajectory(config.player.trajectory))
-    lidar = load_lidar(config.sensors.lidar, sensor_seed(config.seed, "lidar"))
-    imu = InertialUnit(config.sensors.lidar.imu, "lidar", np.random.default_rng(config.seed))
-    mapper, run, true = Mapper(config.mapper), Run(), {}
-    takes = {
-        RobotDescription: mapper.set_robot,
-        JointState: mapper.add_joints,
-        LegState: mapper.add_leg_state,
-        Imu: mapper.add_imu,
-        LidarScan: mapper.add_scan,
-    }
-
-    def tell(message) -> None:
-        said = [] if type(message) in without else takes.get(type(message), lambda _: [])(message)
-        for answer in said:
-            if isinstance(answer, MapStatus):
-                run.statuses.append(answer)
-            if isinstance(answer, Odometry):
-                run.estimated.append(SE3.from_xyz_quat_xyzw(answer.T_frame_child))
-                run.true.append(true[answer.stamp_ns])
-            if isinstance(answer, Event):
-                run.events.append(answer.text)
-
-    def sense(message) -> None:
-        tell(message)
-        if isinstance(message, RobotDescription):
-            lidar.set_robot(message)
-        if isinstance(message, StructureDescription):
-            lidar.set_structure(message)
-        if isinstance(message, Transforms):
-            true[message.stamp_ns] = FrameTree(message).T_root("lidar")
-            for measured in (*imu.add_pose(message.stamp_ns, true[message.stamp_ns]), *lidar.add_transforms(message)):
-                tell(measured)
-
-    sim = load_sim(config)
-    try:
-        waiting = list(sim.start())
-        while not run.statuses or run.statuses[-1].stamp_ns < SECONDS * 1e9:
-            message = waiting.pop(0) if waiting else None
-            if message is None:
-                waiting += sim.step()
-                continue
-            sense(message)
-            commands = player.add_joint_state(message) if isinstance(message, JointState) else []
-            commands = player.add_leg_state(message) if isinstance(message, LegState) else commands
-            for command in commands:
-                is_move = isinstance(command, JointTarget)
-                waiting += sim.set_joint_target(command) if is_move else sim.set_fixed_foot(command)
-    finally:
-        sim.close()
-    assert {type(command) for command in commands} <= {JointTarget, LegTarget}
-    return run
+    sensed = Sensed(config, without)
+    for message in climb_messages(config, player):
+        sensed.hear(message)
+        if sensed.run.statuses and sensed.run.statuses[-1].stamp_ns >= SECONDS * 1e9:
+            break
+    return sensed.run
 
 
 def test_legs_predict_and_agree_with_scans():

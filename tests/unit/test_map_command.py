@@ -84,10 +84,11 @@ def test_settings_can_be_given_by_options(hyrecro, folder):
 
 
 def test_a_prior_is_used_for_its_steps(hyrecro, folder, recorded):
-    """Where scans show one plane only, the pose along it is the prior's."""
     write_tum(folder.parent / "p.tum", [(k * 17, pose) for k, pose in enumerate(recorded[1])])
-    code, out, err = hyrecro("map", folder, "--prior", "p.tum", "--json")
+    code, _, err = hyrecro("map", folder, "--prior", "p.tum", "--trajectory", "t.tum", "--json")
     assert (code, err) == (0, "")
+    poses = [pose for _, pose in read_tum(folder.parent / "t.tum")]
+    assert compare_trajectories(poses, recorded[1]).ate_rmse_m < 0.001
     write_tum(folder.parent / "short.tum", [(0, recorded[1][0])])
     code, _, err = hyrecro("map", folder, "--prior", "short.tum")
     assert code == 2
