@@ -1,6 +1,5 @@
 """`hyrecro map` on a folder of clouds: what it writes, and what it says of clouds that cannot be used."""
 
-import itertools
 import json
 import shutil
 import sys
@@ -10,33 +9,20 @@ import pytest
 
 from cli import main as command_line
 from services.evaluator.trajectory_error import compare_trajectories
-from shared.cloud_files import read_cloud, write_cloud, write_scan
-from shared.runtime.config_loading import load_config
+from shared.cloud_files import read_cloud, write_cloud
 from shared.trajectory_files import read_tum, write_tum
-from tests.support.scans import climb
+from tests.support.scans import NUM_SCANS
 
-NUM_SCANS = 8
 KEYS = {
     "method", "scans", "total_ms", "ms_per_scan_p50", "ms_per_scan_p99", "fitness_mean", "map_points",
     "off_plane_points", "lost_scans", "degenerate_scans", "peak_rss_mb",
 }  # fmt: skip
 
 
-@pytest.fixture(scope="session")
-def recorded(tmp_path_factory):
-    """A folder with data0.pcd to data7.pcd, and T_world_lidar of each."""
-    folder = tmp_path_factory.mktemp("scans")
-    config = load_config(overrides=["seed=5"])
-    scans = list(itertools.islice(climb(config, config.player.trajectory, 1, 3.2), NUM_SCANS))
-    for k, (scan, _) in enumerate(scans):
-        write_scan(folder / f"data{k}.pcd", scan)
-    return folder, [T_world_lidar for _, T_world_lidar in scans]
-
-
 @pytest.fixture
-def folder(recorded, tmp_path, monkeypatch):
+def folder(recorded_scans, tmp_path, monkeypatch):
     """A copy that may be spoilt, in the working directory."""
-    shutil.copytree(recorded[0], tmp_path / "scans")
+    shutil.copytree(recorded_scans[0], tmp_path / "scans")
     monkeypatch.chdir(tmp_path)
     return tmp_path / "scans"
 
@@ -54,7 +40,7 @@ def hyrecro(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("method", ["plane", "gicp"])
-def test_a_folder_is_mapped(hyrecro, folder, recorded, method):
+def test_a_folder_is_mapped(hyrecro, folder, recorded_scans, method):
     outputs = ("--map", "m.pcd", "--trajectory", "t.tum", "--json")
     code, out, err = hyrecro("map", folder, "--method", method, *outputs)
     figures = json.loads(out)
@@ -64,7 +50,7 @@ def test_a_folder_is_mapped(hyrecro, folder, recorded, method):
     poses = read_tum(folder.parent / "t.tum")
     assert [stamp_ns for stamp_ns, _ in poses] == [k * 10**9 for k in range(NUM_SCANS)]
     np.testing.assert_array_equal(poses[0][1].matrix, np.eye(4))
-    assert compare_trajectories([pose for _, pose in poses], recorded[1]).ate_rmse_m < 0.002
+    assert compare_trajectories([pose for _, pose in poses], recorded_scans[1]).ate_rmse_m < 0.002
     assert len(read_cloud(folder.parent / "m.pcd").points_m) == figures["map_points"] > 1000
 
 
@@ -83,24 +69,24 @@ def test_settings_can_be_given_by_options(hyrecro, folder):
     assert (np.abs(points_m).max(axis=0) < [3.1, 3.1, 1.1]).all()
 
 
-def test_a_prior_is_used_for_its_steps(hyrecro, folder, recorded):
-    write_tum(folder.parent / "p.tum", [(k * 17, pose) for k, pose in enumerate(recorded[1])])
+def test_a_prior_is_used_for_its_steps(hyrecro, folder, recorded_scans):
+    write_tum(folder.parent / "p.tum", [(k * 17, pose) for k, pose in enumerate(recorded_scans[1])])
     code, _, err = hyrecro("map", folder, "--prior", "p.tum", "--trajectory", "t.tum", "--json")
     assert (code, err) == (0, "")
     poses = [pose for _, pose in read_tum(folder.parent / "t.tum")]
-    assert compare_trajectories(poses, recorded[1]).ate_rmse_m < 0.001
-    write_tum(folder.parent / "short.tum", [(0, recorded[1][0])])
+    assert compare_trajectories(poses, recorded_scans[1]).ate_rmse_m < 0.001
+    write_tum(folder.parent / "short.tum", [(0, recorded_scans[1][0])])
     code, _, err = hyrecro("map", folder, "--prior", "short.tum")
     assert code == 2
     assert "short.tum: has 1 poses, must have one for each of 8 scans" in err
 
 
-def test_refining_writes_a_trajectory_that_is_as_good(hyrecro, folder, recorded):
+def test_refining_writes_a_trajectory_that_is_as_good(hyrecro, folder, recorded_scans):
     code, out, _ = hyrecro("map", folder, "--refine", "--trajectory", "t.tum", "--json")
     poses = [pose for _, pose in read_tum(folder.parent / "t.tum")]
     assert code == 0
     assert json.loads(out)["refine_ms"] > 0
-    assert compare_trajectories(poses, recorded[1]).ate_rmse_m < 0.001
+    assert compare_trajectories(poses, recorded_scans[1]).ate_rmse_m < 0.001
 
 
 def truncated(path):
@@ -128,7 +114,7 @@ def missing(path):
 
 
 @pytest.mark.parametrize("spoil", [truncated, empty, not_numbers, two_points, millimetres, missing])
-def test_a_bad_cloud_is_named_and_the_rest_is_mapped(hyrecro, folder, recorded, spoil):
+def test_a_bad_cloud_is_named_and_the_rest_is_mapped(hyrecro, folder, recorded_scans, spoil):
     spoil(folder / "data3.pcd")
     code, out, err = hyrecro("map", folder, "--trajectory", "t.tum", "--json")
     figures = json.loads(out)
@@ -137,7 +123,7 @@ def test_a_bad_cloud_is_named_and_the_rest_is_mapped(hyrecro, folder, recorded, 
     assert len([line for line in err.splitlines() if "data3.pcd" in line]) == 1
     assert figures["scans"] - figures["lost_scans"] == NUM_SCANS - 1
     kept = [k for k in range(NUM_SCANS) if k != 3]
-    error = compare_trajectories([poses[k * 10**9] for k in kept], [recorded[1][k] for k in kept])
+    error = compare_trajectories([poses[k * 10**9] for k in kept], [recorded_scans[1][k] for k in kept])
     assert error.ate_rmse_m < 0.002
 
 
