@@ -14,24 +14,19 @@ from numpy.typing import NDArray
 from cli.scan_sources import ScanSource, Warn
 from services.evaluator.map_accuracy import num_points_off_planes
 from services.mapper.mapper import Mapper, Registered
-from services.mapper.node import load_mapper
+from services.mapper.node import inputs_of, load_mapper
 from services.mapper.priors.interface import Prior
 from services.mapper.warming import warm_up
 from services.mapper.whole_run import refined
 from shared.geometry import SE3
 from shared.messaging.messages import (
-    CameraInfo,
     DepthImage,
     Event,
-    Imu,
-    JointState,
-    LegState,
     LidarScan,
     MapStatus,
     Message,
     Odometry,
     PlaneMap,
-    RobotDescription,
 )
 from shared.runtime.config import Config
 
@@ -81,10 +76,12 @@ def map_scans(
     mapper = load_mapper(config.mapper.model_copy(update=_NO_MAPS), time.perf_counter_ns, prior=prior)
     if is_refining:
         warm_up(config.mapper, is_refining=True)
+    inputs = inputs_of(mapper, config.mapper, time.perf_counter_ns)
+    handlers = {channel.message: handler for channel, handler in inputs.items()}
     run = MapRun()
     kept: list[Registered] = []
     for message in source.messages(warn):
-        said = _fed(mapper, message)
+        said = list(handlers[type(message)](message))
         for answer in said:
             _note(run, answer, source)
         if isinstance(message, LidarScan | DepthImage) and said:
@@ -130,25 +127,6 @@ def figures_of(run: MapRun, config: Config) -> dict[str, Any]:
         "closed_loops": run.num_loops,
         "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
     }
-
-
-def _fed(mapper: Mapper, message: Message) -> list[Message]:
-    match message:
-        case LidarScan():
-            return mapper.add_scan(message, time.perf_counter_ns())
-        case DepthImage():
-            return mapper.add_image(message, time.perf_counter_ns())
-        case CameraInfo():
-            return mapper.set_camera(message)
-        case JointState():
-            return mapper.add_joints(message)
-        case LegState():
-            return mapper.add_leg_state(message)
-        case Imu():
-            return mapper.add_imu(message)
-        case RobotDescription():
-            return mapper.set_robot(message)
-    return []
 
 
 def _note(run: MapRun, message: Message, source: ScanSource) -> None:

@@ -38,27 +38,31 @@ def build_node(config: Config, context: Context) -> Node:
         InputFileError: the map to begin with is not usable.
     """
     mapper = load_mapper(config.mapper, context.clock_ns)
-
-    def timed(add: Callable[[M, int], Messages]) -> Handler:
-        return lambda message: add(message, context.received_ns)
-
-    sensor: dict[Channel, Handler] = {LIDAR_POINTS: timed(mapper.add_scan), LIDAR_IMU: mapper.add_imu}
-    if config.mapper.input == "depth":
-        sensor = {
-            DEPTH_IMAGE: timed(mapper.add_image),
-            DEPTH_CAMERA_INFO: mapper.set_camera,
-            DEPTH_IMU: mapper.add_imu,
-        }
     return Node(
         name="mapper",
-        inputs={
-            ROBOT_DESCRIPTION: mapper.set_robot,
-            JOINTS_STATE: mapper.add_joints,
-            LEG_STATE: mapper.add_leg_state,
-            **sensor,
-        },
+        inputs=inputs_of(mapper, config.mapper, lambda: context.received_ns),
         outputs=(MAP_ODOMETRY, MAP_STATUS, MAP_CLOUD, MAP_PLANES),
     )
+
+
+def inputs_of(mapper: Mapper, config: MapperConfig, received_ns: Callable[[], int]) -> dict[Channel, Handler]:
+    """What the mapper takes, and its method for it. received_ns: when the message in hand was received."""
+
+    def timed(add: Callable[[M, int], Messages]) -> Handler:
+        return lambda message: add(message, received_ns())
+
+    lidar: dict[Channel, Handler] = {LIDAR_POINTS: timed(mapper.add_scan), LIDAR_IMU: mapper.add_imu}
+    depth: dict[Channel, Handler] = {
+        DEPTH_IMAGE: timed(mapper.add_image),
+        DEPTH_CAMERA_INFO: mapper.set_camera,
+        DEPTH_IMU: mapper.add_imu,
+    }
+    return {
+        ROBOT_DESCRIPTION: mapper.set_robot,
+        JOINTS_STATE: mapper.add_joints,
+        LEG_STATE: mapper.add_leg_state,
+        **(lidar if config.input == "lidar" else depth),
+    }
 
 
 def load_mapper(config: MapperConfig, clock_ns: Callable[[], int], prior: Prior | None = None) -> Mapper:

@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from services.mapper.postures import Postures
-from services.mapper.priors.interface import step_of
-from shared.geometry import SE3, Float
+from shared.geometry import SE3
 from shared.messaging.messages import Foot, LegState
 from shared.motion import Motion
 
@@ -43,24 +42,34 @@ class LegOdometry:
 
     def motion(self, start_ns: int, end_ns: int) -> Motion | None:
         """T_odom_sensor over this time; None where joints or feet are not known."""
-        if not self._holds or self._holds[0][0] > end_ns or not self._postures.knows(start_ns, end_ns):
+        if not self._knows(start_ns, end_ns):
             return None
         inner = self._postures.stamps_between(start_ns, end_ns)
         stamps_ns = [start_ns, *inner, *([end_ns] if end_ns > start_ns else [])]
-        links = self._postures.links(stamps_ns)
-        feet, sensors = self._postures.feet(links), self._postures.sensor(links)
-        poses = [self._pose(stamp_ns, k, feet, sensors) for k, stamp_ns in enumerate(stamps_ns)]
+        poses = [pose.xyz_quat_xyzw for pose in self._poses(stamps_ns)]
         return Motion(stamps_ns, np.array(poses)[:, np.newaxis])
 
     def step(self, start_ns: int, end_ns: int) -> SE3 | None:
-        """From `motion`."""
-        return step_of(self.motion, start_ns, end_ns)
+        """From the postures at both times alone; the start may be after the end."""
+        first_ns, last_ns = min(start_ns, end_ns), max(start_ns, end_ns)
+        if not self._knows(first_ns, last_ns):
+            return None
+        first, last = self._poses([first_ns, last_ns])
+        return first.inv() @ last if start_ns <= end_ns else last.inv() @ first
 
     def correct(self, stamp_ns: int, T_map_sensor: SE3 | None) -> None:
         """Legs learn nothing from scans."""
 
-    def _pose(self, stamp_ns: int, k: int, feet: dict[Foot, Float], sensors: Float) -> Float:
-        """(7,) of T_odom_sensor at the k-th posture, from the foot that was fixed then."""
-        held = [hold for hold in self._holds if hold[0] <= stamp_ns] or self._holds[:1]
-        _, foot, T_odom_foot = held[-1]
-        return (T_odom_foot @ SE3.projected(np.linalg.inv(feet[foot][k]) @ sensors[k])).xyz_quat_xyzw
+    def _knows(self, start_ns: int, end_ns: int) -> bool:
+        return bool(self._holds) and self._holds[0][0] <= end_ns and self._postures.knows(start_ns, end_ns)
+
+    def _poses(self, stamps_ns: list[int]) -> list[SE3]:
+        """T_odom_sensor at these times, which do not go back, each from the foot that was fixed then."""
+        links = self._postures.links(stamps_ns)
+        feet, sensors = self._postures.feet(links), self._postures.sensor(links)
+        poses = []
+        for k, stamp_ns in enumerate(stamps_ns):
+            held = [hold for hold in self._holds if hold[0] <= stamp_ns] or self._holds[:1]
+            _, foot, T_odom_foot = held[-1]
+            poses.append(T_odom_foot @ SE3.projected(np.linalg.inv(feet[foot][k]) @ sensors[k]))
+        return poses
