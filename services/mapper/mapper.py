@@ -129,6 +129,8 @@ class Mapper:
         started_ns = self._clock_ns()
         said = self._begin(scan.stamp_ns, scan.frame)
         points_m, taken_ns = self._straightened(scan)
+        if taken_ns != scan.stamp_ns and self._is_bent_otherwise(scan, points_m, taken_ns):
+            points_m, taken_ns = self._straightened(scan)
         measured = _Measured(points_m, taken_ns, scan.seq, scan.frame, started_ns, received_ns)
         return [*said, *self._add(measured)]
 
@@ -188,6 +190,14 @@ class Mapper:
         taken_ns = (scan.stamp_ns + last_ns) // 2 if self._target.has_begun else scan.stamp_ns
         motion = self._motion.during(scan.stamp_ns, last_ns)
         return (scan.points_m if motion is None else deskewed(scan, motion, taken_ns)), taken_ns
+
+    def _is_bent_otherwise(self, scan: LidarScan, points_m: Points, taken_ns: int) -> bool:
+        """Whether a scan that was straightened by a mere trend shows that the sensor moved otherwise."""
+        step = self._motion.step(taken_ns)
+        if step.is_measured:
+            return False
+        found = self._target.look(self._filter.filtered(points_m).points_m, step)
+        return found is not None and self._motion.suppose(taken_ns, found, 2 * (taken_ns - scan.stamp_ns))
 
     def _add(self, measured: _Measured) -> list[Message]:
         taken_ns = measured.taken_ns

@@ -24,6 +24,8 @@ from shared.runtime.config import MapperConfig
 
 TREND = "constant_velocity"
 GIVEN = "trajectory"
+_BENT_M, _BENT_RAD = 0.001, 0.001
+"""Half a scan that is straightened better than this is left so: below the noise of a range at any distance."""
 MEASURED = ("legs", GIVEN)
 """The priors that know where the sensor goes; an IMU knows only how it turns."""
 
@@ -90,6 +92,16 @@ class MotionModel:
                 if T_last_now is not None:
                     return Step(T_last_now, name, is_measured=name in MEASURED)
         return Step(SE3.identity(), TREND, is_measured=False)
+
+    def suppose(self, stamp_ns: int, T_map_sensor: SE3, duration_ns: int) -> bool:
+        """Takes the trend to lead to where a scan, begun with a trend that may be wrong, was found at first.
+
+        Returns whether a scan that takes so long is bent otherwise than was thought, and to be straightened anew.
+        """
+        if self._last_ns is None or stamp_ns <= self._last_ns:
+            return False
+        change = self._trend.suppose(stamp_ns, T_map_sensor) * (duration_ns * 0.5e-9)
+        return bool(np.linalg.norm(change[:3]) > _BENT_M or np.linalg.norm(change[3:]) > _BENT_RAD)
 
     def back(self, stamp_ns: int, to_ns: int) -> SE3:
         """T_now_then: the sensor at an earlier time seen from itself; the identity where nothing is known."""

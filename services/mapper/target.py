@@ -60,6 +60,12 @@ class Target:
         if track.is_tracking:
             self._voxels.insert(track.T_map_sensor.apply(points_m))
 
+    def look(self, points_m: Points, step: Step) -> SE3 | None:
+        """Where a filtered scan (N, 3) seems to be in the map, without taking it in; None where it is not clear."""
+        if self._tracker is None or self._is_restarted:
+            return None
+        return self._tracker.look(points_m, step.T_last_now)
+
     def follow(self, points_m: Points, step: Step) -> Track:
         """Finds a filtered scan (N, 3), in the sensor's frame, and takes it into what further scans are aligned to."""
         track = self._followed(points_m, step)

@@ -17,6 +17,8 @@ _MEASURED = 0.25
 """Of what is searched and believed without a measurement of the motion; legs and IMUs are wrong by centimetres."""
 _JUST_THERE_M, _JUST_THERE_RAD = 0.03, 0.035
 """What a measured step may be wrong by and still tell two places apart: slips along weak directions are 4-12 cm."""
+_SEEMING = 0.5
+"""Of the score that is believed: enough to try how a scan fits if it was taken there."""
 _LOCALISE_AFTER = 2
 """Lost scans after which the whole map is searched, at first at each and then at every so many scans."""
 _LOCALISE_EVERY = 5
@@ -56,6 +58,18 @@ class Tracker:
     def T_map_sensor(self) -> SE3:
         """Where the last scan was believed to be taken."""
         return self._T_map_sensor
+
+    def look(self, points_m: Points, step: SE3) -> SE3 | None:
+        """Where a scan seems to be near the prediction; nothing is believed or taken from it.
+
+        A scan that is bent otherwise than was thought fits badly everywhere, but least so where it was taken.
+        """
+        prediction = self._T_map_sensor @ step
+        guesses = [prediction, self._T_map_tracked]
+        widening = self._widening(is_measured=False)
+        result = self._matcher.align(points_m, guesses, widening)
+        is_found = result.score >= _SEEMING * self._config.min_score and self._is_near(result, guesses, widening)
+        return result.T_map_lidar if is_found else None
 
     def follow(self, points_m: Points, step: SE3, *, is_measured: bool = False) -> Track:
         """Finds a filtered scan (N, 3), in the sensor's frame, in the map. step: T_last_now as predicted.

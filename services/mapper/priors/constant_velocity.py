@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from shared.geometry import SE3
+from shared.geometry import SE3, Float
 from shared.motion import Motion
 
 _STEP_RAD = 0.05
@@ -42,6 +42,17 @@ class ConstantVelocity:
             step = self._T_map_sensor.inv() @ T_map_sensor
             self.twist_per_s = step.log() / ((stamp_ns - self._stamp_ns) * 1e-9)
         self._stamp_ns, self._T_map_sensor = stamp_ns, T_map_sensor
+
+    def suppose(self, stamp_ns: int, T_map_sensor: SE3) -> Float:
+        """Goes from the last corrected pose to this one, which is later, until the next correction.
+
+        Returns by how much the velocity (6,) changed, per second.
+        """
+        assert self._stamp_ns is not None
+        before = self.twist_per_s
+        step = self._T_map_sensor.inv() @ T_map_sensor
+        self.twist_per_s = step.log() / ((stamp_ns - self._stamp_ns) * 1e-9)
+        return self.twist_per_s - before
 
     def _pose(self, stamp_ns: int) -> SE3:
         assert self._stamp_ns is not None
