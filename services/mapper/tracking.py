@@ -18,7 +18,7 @@ _MEASURED = 0.25
 _JUST_THERE_M, _JUST_THERE_RAD = 0.03, 0.035
 """What a measured step may be wrong by and still tell two places apart: slips along weak directions are 4-12 cm."""
 _SEEMING = 0.5
-"""Of the score that is believed: enough to try how a scan fits if it was taken there."""
+"""Of the score that is believed: enough to try how a scan fits, or where a measured motion says the same."""
 _LOCALISE_AFTER = 2
 """Lost scans after which the whole map is searched, at first at each and then at every so many scans."""
 _LOCALISE_EVERY = 5
@@ -75,7 +75,8 @@ class Tracker:
         """Finds a filtered scan (N, 3), in the sensor's frame, in the map. step: T_last_now as predicted.
 
         is_measured: the step comes from a measurement of the motion rather than from its trend. Then only its end is
-        searched, less far, and a place that is just there is believed even where another would fit as well.
+        searched, less far, and a place that is just there is believed even where another would fit as well, or where
+        much of the scan is new.
         """
         prediction = self._T_map_sensor @ step
         guesses = [prediction] if is_measured else [prediction, self._T_map_tracked]
@@ -100,9 +101,9 @@ class Tracker:
         return min(_MEASURED * widest, 1.0) if is_measured else widest
 
     def _is_clear(self, result: RegistrationResult, prediction: SE3, is_measured: bool) -> bool:
-        if result.score < self._config.min_score:
-            return False
-        return not result.is_suspect or (is_measured and _is_at(result.T_map_lidar, prediction))
+        if is_measured and _is_at(result.T_map_lidar, prediction):
+            return result.score >= _SEEMING * self._config.min_score
+        return result.score >= self._config.min_score and not result.is_suspect
 
     def _found_anywhere(
         self, points_m: Points, guesses: list[SE3], is_measured: bool
