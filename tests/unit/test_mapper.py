@@ -7,26 +7,24 @@ from services.mapper.mapper import Mapper
 from shared.geometry import SE3
 from shared.messaging.messages import Event, LidarScan, MapStatus, Odometry, PointCloud
 from shared.runtime.config import MapperConfig
+from tests.support.box_scans import Box, grid_of_rays, scan as box_scan
 
 PERIOD_NS = 100_000_000
 
 
-def room(seed):
-    """Points (N, 3) on the walls of a room of 4 x 3 x 2.4 m with a pillar, in the world."""
-    rng = np.random.default_rng(seed)
-    parts = []
-    for size, centre in (((4.0, 3.0, 2.4), (0, 0, 0)), ((0.3, 0.3, 2.4), (0.9, 0.7, 0))):
-        points = rng.uniform(-0.5, 0.5, (3000, 3))
-        axis = rng.integers(0, 3, 3000)
-        points[np.arange(3000), axis] = np.sign(points[np.arange(3000), axis]) / 2
-        parts.append(points * size + centre)
-    points = np.vstack(parts)
-    return points + 0.003 * rng.standard_normal(points.shape)
+RAYS = grid_of_rays(64, 512)
+ROOM = [
+    *(Box(SE3.trans(*(sign * 2.1 * np.eye(3)[0])), (0.1, 2.0, 2.0)) for sign in (-1, 1)),
+    *(Box(SE3.trans(*(sign * 1.6 * np.eye(3)[1])), (2.5, 0.1, 2.0)) for sign in (-1, 1)),
+    *(Box(SE3.trans(*(sign * 1.3 * np.eye(3)[2])), (2.5, 2.0, 0.1)) for sign in (-1, 1)),
+    Box(SE3.trans(0.9, 0.7), (0.15, 0.15, 1.2)),
+]
+"""4 x 3 x 2.4 m with a pillar; the world's origin is in its middle."""
 
 
 def scan(k, T_world_lidar=None, points=None, seq=None):
     if points is None:
-        points = (T_world_lidar or SE3.identity()).inv().apply(room(seed=k))
+        points = box_scan(ROOM, T_world_lidar or SE3.identity(), RAYS, 0.003, seed=k)
     num = len(points)
     return LidarScan(
         stamp_ns=k * PERIOD_NS,
@@ -147,7 +145,7 @@ def test_a_restarted_run_starts_from_rest_at_the_maps_origin():
 
 def test_a_restarted_run_elsewhere_gets_a_new_map(mapper):
     feed(mapper, [scan(k, pose(k)) for k in range(5)])
-    elsewhere = room(seed=0) * (0.8, 3.0, 0.5)
+    elsewhere = box_scan(ROOM, SE3.identity(), RAYS, 0.003) * (0.8, 3.0, 0.5)
     (messages,) = feed(mapper, [scan(0, points=elsewhere)])
     odometry = only(Odometry, messages)
     assert only(MapStatus, messages).is_tracking

@@ -64,7 +64,7 @@ def test_only_chosen_runs_are_looked_at_and_so_many_planes_taken():
 
 
 def test_points_in_a_ball_have_no_plane():
-    ball = np.random.default_rng(0).normal(size=(3000, 3)) * 0.2 + [2.0, 0.0, 0.0]
+    ball = np.random.default_rng(0).normal(size=(3000, 3)) * 0.2 + [2.05, 0.05, 0.05]
     runs = runs_of(ball)
     planes, _ = extract_planes(runs, np.arange(len(runs.num_points)), np.eye(3, 4), 0.1, 100)
     assert len(planes) == 0

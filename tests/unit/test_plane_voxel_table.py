@@ -10,13 +10,13 @@ def listed(table, x, y, z):
 
 def test_a_patch_is_found_where_it_was_put_and_nowhere_else():
     table = empty_table(0.1, 6)
-    put(table, 0.05, 0.05, 0.05, 7, False)
-    put(table, 0.09, 0.01, 0.02, 3, True)
-    assert listed(table, 0.02, 0.02, 0.02) == {7: False, 3: True}
-    assert listed(table, -0.02, 0.02, 0.02) == {}
-    put(table, 0.05, 0.05, 0.05, 7, True)
-    put(table, 0.05, 0.05, 0.05, 7, False)
-    assert listed(table, 0.02, 0.02, 0.02) == {7: True, 3: True}
+    put(table, 0.0, 0.0, 0.0, 7, False)
+    put(table, 0.04, -0.04, -0.03, 3, True)
+    assert listed(table, -0.03, -0.03, -0.03) == {7: False, 3: True}
+    assert listed(table, -0.07, -0.03, -0.03) == {}
+    put(table, 0.0, 0.0, 0.0, 7, True)
+    put(table, 0.0, 0.0, 0.0, 7, False)
+    assert listed(table, -0.03, -0.03, -0.03) == {7: True, 3: True}
     assert table.num_used[0] == 1
 
 
@@ -53,10 +53,10 @@ def test_a_full_table_takes_up_no_more_and_a_full_list_neither():
 
 def test_a_patch_is_known_in_the_voxels_around():
     near, around = empty_table(0.1, 2), empty_table(0.1, 2)
-    put_about(near, 0.02, 0.05, 0.08, 1)
-    put_around(around, 0.02, 0.05, 0.08, 1)
+    put_about(near, -0.03, 0.0, 0.03, 1)
+    put_around(around, -0.03, 0.0, 0.03, 1)
     assert (near.num_used[0], around.num_used[0]) == (8, 27)
-    assert listed(near, -0.01, 0.05, 0.11) == {1: False}
-    assert listed(near, 0.11, 0.05, 0.05) == {}
-    assert listed(around, 0.11, -0.01, 0.05) == {1: False}
-    assert listed(around, 0.05, 0.05, 0.05) == {1: True}
+    assert listed(near, -0.06, 0.0, 0.06) == {1: False}
+    assert listed(near, 0.06, 0.0, 0.0) == {}
+    assert listed(around, 0.06, -0.06, 0.0) == {1: False}
+    assert listed(around, 0.0, 0.0, 0.0) == {1: True}

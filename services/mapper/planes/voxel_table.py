@@ -12,6 +12,9 @@ from shared.kernel import kernel, lean_kernel
 
 _BITS = 21
 _OFFSET = 1 << (_BITS - 1)
+_SHIFT = 0.5
+"""Of a voxel: steel is often built, and the sensor often begins, at multiples of a voxel; a face on the border of
+two rows of voxels would be told by noise alone to be in one or the other."""
 _EMPTY = -1
 _FIRST_NUM_SLOTS = 1 << 12
 
@@ -61,9 +64,9 @@ def with_room(table: VoxelTable, num_more: int, max_slots: int) -> VoxelTable:
 def voxel_key(x: float, y: float, z: float, inverse_m: float) -> int:
     """One integer a voxel, from coordinates in metres; voxels 2^20 and more from the origin share keys."""
     mask = 2 * _OFFSET - 1
-    i = (math.floor(x * inverse_m) + _OFFSET) & mask
-    j = (math.floor(y * inverse_m) + _OFFSET) & mask
-    k = (math.floor(z * inverse_m) + _OFFSET) & mask
+    i = (math.floor(x * inverse_m + _SHIFT) + _OFFSET) & mask
+    j = (math.floor(y * inverse_m + _SHIFT) + _OFFSET) & mask
+    k = (math.floor(z * inverse_m + _SHIFT) + _OFFSET) & mask
     return (i << (2 * _BITS)) | (j << _BITS) | k
 
 
