@@ -22,6 +22,6 @@ RUN pip install --no-cache-dir --disable-pip-version-check --root-user-action=ig
     && install -d -o hyrecro /recordings
 
 USER hyrecro
-RUN rerun analytics disable && python -m services.sensors.compile_kernels
+RUN rerun analytics disable && python -m services.sensors.compile_kernels && python -m services.mapper.compile_kernels
 ENV PYTHONUNBUFFERED=1
 ENTRYPOINT ["python", "-m"]

@@ -18,8 +18,9 @@ $(STAMP): requirements-dev.lock pyproject.toml tools/system-libraries.sh
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
-$(KERNELS): $(STAMP) $(shell find services/sensors -name '*.py')
+$(KERNELS): $(STAMP) $(shell find services/sensors services/mapper shared/kernel.py shared/deskew.py shared/depth_points.py -name '*.py')
 	$(BIN)/python -m services.sensors.compile_kernels
+	$(BIN)/python -m services.mapper.compile_kernels
 	touch $@
 
 # What reads an Ouster's pcap, in an environment of its own: its pins break the main one

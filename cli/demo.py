@@ -71,7 +71,8 @@ def _run_pipeline(config: Config, arguments: list[str], folder: Path, is_stoppin
 def _write_results(folder: Path, config: Config) -> RunReport:
     from cli.pictures import draw_map
     from services.recorder.recording import Recording
-    from shared.files import write_pcd, write_tum
+    from shared.cloud_files import write_pcd
+    from shared.trajectory_files import write_tum
 
     report = score_run(Recording(folder / "run.mcap"), config)
     write_pcd(folder / "map.pcd", report.map_points_m)
@@ -100,18 +101,29 @@ def _print_tables(figures: dict[str, Any], folder: Path) -> None:
     console.print(f"look at it:  rerun {folder}/run.mcap {folder}/layout", soft_wrap=True, highlight=False)
 
 
+_PRIORS = {"legs": "leg odometry", "imu": "the IMU", "constant_velocity": "the trend of the last scans"}
+
+
 def _score_rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
+    again, on_true = figures["with_other_prior"], figures["off_plane_points_true_poses"]
+    beside = "" if on_true is None else f" (with the true poses {on_true})"
     return [
+        ("motion predicted by", _PRIORS[figures["prior"]]),
         ("trajectory, ATE RMSE", f"{figures['ate_rmse_m'] * 1000:.2f} mm over {figures['num_poses']} scans"),
         ("trajectory, RPE RMSE", f"{figures['rpe_rmse_m'] * 1000:.2f} mm a scan"),
         ("map accuracy, mean", f"{figures['map_accuracy_mean_m'] * 1000:.2f} mm over {figures['map_points']} points"),
         (
             "points off the planes",
-            f"{figures['off_plane_points']} (with the true poses {figures['off_plane_points_true_poses']})",
+            f"{figures['off_plane_points']}{beside}",
         ),
         ("time a scan, median", f"{figures['ms_per_scan_p50']:.1f} ms (95 %: {figures['ms_per_scan_p95']:.1f} ms)"),
         ("messages lost", str(figures["lost_messages"])),
         ("scans without tracking", str(figures["num_scans_lost_tracking"])),
+        (
+            f"again, predicted by {_PRIORS[again['prior']]}",
+            f"ATE {again['ate_rmse_m'] * 1000:.2f} mm, RPE {again['rpe_rmse_m'] * 1000:.2f} mm, "
+            f"{again['num_scans_lost_tracking']} scans lost",
+        ),
     ]
 
 

@@ -9,12 +9,16 @@ from types import FrameType
 import typer
 
 from cli import (
+    cloud_commands,
     config_commands,
+    eval_commands,
+    map_commands,
     pipeline_commands,
     robot_commands,
     sensor_commands,
     sim_commands,
     structure_commands,
+    sweep_commands,
 )
 from shared.errors import ConfigError, HyrecroError, InputFileError
 from shared.runtime.exit_codes import Exit
@@ -27,6 +31,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 pipeline_commands.register(app)
+map_commands.register(app)
+eval_commands.register(app)
+sweep_commands.register(app)
+app.add_typer(cloud_commands.app, name="cloud", help="Find planes in clouds, filter and save them.")
 app.add_typer(robot_commands.app, name="robot", help="Command the robot and read its state.")
 app.add_typer(sensor_commands.app, name="sensor", help="See what the sensors see.")
 app.add_typer(sim_commands.app, name="sim", help="Pause, step, pace, reset and seed of simulated time.")

@@ -10,10 +10,13 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from cli.mapping import map_scans
+from cli.scan_sources import scan_source
 from services.evaluator.map_accuracy import map_accuracy, num_points_off_planes
 from services.evaluator.trajectory_error import compare_trajectories
-from services.mapper.filters import thinned
-from services.mapper.keyframe_map import KeyframeMap
+from services.mapper.filters import ScanFilter
+from services.mapper.motion_model import TREND
+from services.mapper.voxel_map import VoxelMap
 from services.recorder.recording import Recording
 from shared.errors import HyrecroError
 from shared.geometry import SE3
@@ -62,7 +65,7 @@ def score_run(recording: Recording, config: Config) -> RunReport:
     Raises:
         HyrecroError: the recording holds no odometry, map or structure to score.
     """
-    estimated, true = _paired_poses(recording, config.sensors.lidar.frame)
+    estimated, true = _paired_poses(recording, mapped_frame(config))
     cloud = _last_map(recording)
     T_world_map = true[0][1] @ estimated[0][1].inv()
     map_points_m = T_world_map.apply(cloud.points_m)
@@ -73,7 +76,9 @@ def score_run(recording: Recording, config: Config) -> RunReport:
     urdf = cast(StructureDescription, structure).urdf
     accuracy = map_accuracy(map_points_m, parse_urdf(urdf, STRUCTURE_DESCRIPTION.topic))
 
-    def off_planes(points_m: NDArray[np.floating]) -> int:
+    def off_planes(points_m: NDArray[np.floating] | None) -> int | None:
+        if points_m is None:
+            return None
         settings = config.evaluator
         return num_points_off_planes(
             points_m, num_planes=settings.num_planes, distance_m=settings.plane_distance_m, seed=config.seed
@@ -91,6 +96,8 @@ def score_run(recording: Recording, config: Config) -> RunReport:
         "map_points": accuracy.num_points,
         "off_plane_points": off_planes(cloud.points_m),
         "off_plane_points_true_poses": off_planes(_map_with_true_poses(recording, true, config)),
+        "prior": config.mapper.prior,
+        "with_other_prior": _mapped_again(recording, true, config),
         **_timing(recording),
         "duration_s": recording.duration_s,
         "lost_messages": sum(int(counts["lost"] or 0) for counts in channels.values()),
@@ -143,20 +150,40 @@ def _last_map(recording: Recording) -> PointCloud:
     return cast(PointCloud, clouds[0])
 
 
-def _map_with_true_poses(recording: Recording, true: StampedPoses, config: Config) -> NDArray[np.floating]:
-    """The map that the mapper would have made, had it known every pose: same filters, same voxels, same keyframes."""
-    poses = dict(true)
-    first = true[0][1].inv()
-    mapped: KeyframeMap | None = None
+def _map_with_true_poses(recording: Recording, true: StampedPoses, config: Config) -> NDArray[np.float64] | None:
+    """The map that the mapper would have made, had it known every pose; None for depth images."""
+    if config.mapper.input != "lidar":
+        return None
+    poses, first = dict(true), true[0][1].inv()
+    scan_filter, voxels = ScanFilter(config.mapper), VoxelMap(config.mapper.voxel_size_m, config.mapper.max_map_points)
     for scan in cast(Iterator[LidarScan], recording.messages(LIDAR_POINTS)):
-        if scan.stamp_ns not in poses:
-            continue
-        points_lidar_m = thinned(scan.points_m, config.mapper)
-        if mapped is None:
-            mapped = KeyframeMap(points_lidar_m, config.mapper)
-        mapped.add(points_lidar_m, first @ poses[scan.stamp_ns])
-    assert mapped is not None
-    return mapped.points_m
+        if scan.stamp_ns in poses:
+            points_m = scan_filter.filtered(scan.points_m).points_m
+            voxels.insert((first @ poses[scan.stamp_ns]).apply(points_m))
+    return voxels.points_m
+
+
+def _mapped_again(recording: Recording, true: StampedPoses, config: Config) -> dict[str, Any]:
+    """The same scans mapped once more, without leg odometry; or with it, where the run was without."""
+    prior = TREND if config.mapper.prior == "legs" else "legs"
+    settings = config.model_copy(update={"mapper": config.mapper.model_copy(update={"prior": prior})})
+    run = map_scans(settings, scan_source(recording.path, None, config.mapper.input))
+    poses = dict(true)
+    pairs = [(pose, poses[stamp]) for stamp, pose in zip(run.stamps_ns, run.poses, strict=True) if stamp in poses]
+    error = compare_trajectories([pose for pose, _ in pairs], [pose for _, pose in pairs])
+    return {
+        "prior": prior,
+        "ate_rmse_m": error.ate_rmse_m,
+        "rpe_rmse_m": error.rpe_rmse_m,
+        "num_poses": error.num_poses,
+        "num_scans_lost_tracking": run.is_tracked.count(False),
+    }
+
+
+def mapped_frame(config: Config) -> str:
+    """The frame of the sensor that is mapped with."""
+    sensors = config.sensors
+    return sensors.lidar.frame if config.mapper.input == "lidar" else sensors.depth.frame
 
 
 def _timing(recording: Recording) -> dict[str, float | int]:

@@ -16,8 +16,8 @@ from cli.offline import climb_messages
 from services.player.player import Player
 from services.player.trajectory import read_trajectory
 from services.sensors.loading import load_lidar, sensor_seed
+from shared.cloud_files import write_scan
 from shared.errors import InputFileError
-from shared.files import write_scan, write_tum
 from shared.messaging.frames import FrameTree
 from shared.messaging.messages import (
     JOINT_NAMES,
@@ -30,6 +30,7 @@ from shared.messaging.messages import (
 )
 from shared.runtime.config import Config
 from shared.runtime.sensor_config import LidarConfig
+from shared.trajectory_files import write_tum
 
 Ints = NDArray[np.int32]
 

@@ -35,3 +35,11 @@ class PlaybackError(HyrecroError):
 
 class BusError(HyrecroError):
     """The router cannot be reached or the session was lost."""
+
+
+class CloudFileError(HyrecroError):
+    """A point cloud file whose content cannot be used: the text names the file and what is wrong in it."""
+
+
+class TrajectoryFileError(HyrecroError):
+    """A trajectory file whose content cannot be used: the text names file, line and rule."""

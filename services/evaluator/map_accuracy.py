@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.cloud_planes import ransac_planes
 from shared.geometry import SE3
 from shared.meshes import merged, mesh_of
 from shared.robot.description import Shape, UrdfModel
 from shared.solids import Box, Mesh
-
-_RANSAC_ITERATIONS = 1000
-"""As in the published evaluation of the original system : 11 planes, 0.04 m, 1000 iterations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,18 +36,39 @@ def map_accuracy(points_world_m: NDArray[np.floating], structure: UrdfModel) -> 
     Raises:
         ValueError: no points, or a structure with a shape that is not on its root link.
     """
+    return accuracy_of(distances_to_structure(points_world_m, structure))
+
+
+def distances_to_structure(points_world_m: NDArray[np.floating], structure: UrdfModel) -> NDArray[np.float64]:
+    """Unsigned distances (N,) of points (N, 3) in the world frame to the nearest visible shape of the structure.
+
+    Raises:
+        ValueError: no points, or a structure with a shape that is not on its root link.
+    """
     if len(points_world_m) == 0:
         raise ValueError("the map has no points")
     if far := [shape.link for shape in structure.shapes if shape.link != structure.root]:
         raise ValueError(f"{far[0]}: only shapes on the root link can be compared with")
-    distances = distances_to_shapes(points_world_m.astype(np.float64), structure.shapes)
+    return distances_to_shapes(points_world_m.astype(np.float64), structure.shapes)
+
+
+def accuracy_of(distances_m: NDArray[np.float64]) -> MapAccuracy:
+    """The figures of distances (N,), of at least one point."""
     return MapAccuracy(
-        num_points=len(points_world_m),
-        mean_m=float(distances.mean()),
-        rmse_m=float(np.sqrt(np.mean(distances**2))),
-        p95_m=float(np.percentile(distances, 95)),
-        max_m=float(distances.max()),
+        num_points=len(distances_m),
+        mean_m=float(distances_m.mean()),
+        rmse_m=float(np.sqrt(np.mean(distances_m**2))),
+        p95_m=float(np.percentile(distances_m, 95)),
+        max_m=float(distances_m.max()),
     )
+
+
+def distances_to_map(points_m: NDArray[np.float64], map_points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances (N,) of points (N, 3) to the nearest of the map's points (M, 3)."""
+    o3d: Any = import_module("open3d")
+    vectors, cloud = o3d.utility.Vector3dVector, o3d.geometry.PointCloud
+    distances = cloud(vectors(points_m)).compute_point_cloud_distance(cloud(vectors(map_points_m)))
+    return np.asarray(distances, dtype=np.float64)
 
 
 def distances_to_shapes(points_m: NDArray[np.float64], shapes: Sequence[Shape]) -> NDArray[np.float64]:
@@ -92,14 +111,5 @@ def num_points_off_planes(points_m: NDArray[np.floating], *, num_planes: int, di
     A plane takes what is within `distance_m` of it, after it was fitted to the inliers of the best sample. The figure
     reads 0 at centimetres of drift, so it says something only beside the accuracy. `seed` fixes the sampling.
     """
-    import open3d as o3d
-
-    o3d.utility.random.seed(seed)
-    left_m = points_m.astype(np.float64)
-    for _ in range(num_planes):
-        if len(left_m) < 3:
-            break
-        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(left_m))
-        plane, _ = cloud.segment_plane(distance_m, ransac_n=3, num_iterations=_RANSAC_ITERATIONS)
-        left_m = left_m[np.abs(left_m @ plane[:3] + plane[3]) > distance_m]
-    return len(left_m)
+    planes = ransac_planes(points_m, max_planes=num_planes, distance_m=distance_m, seed=seed)
+    return len(points_m) - sum(len(plane.rows) for plane in planes)

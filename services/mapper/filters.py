@@ -1,54 +1,110 @@
-"""Thins a scan for registration and map: a range gate, then one point a voxel. The same online and offline."""
+"""What of a scan is used at all: one pipeline, the same online and offline. It keeps the order of the points."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from enum import IntEnum
+
 import numpy as np
+import small_gicp
 from numpy.typing import NDArray
 
 from services.mapper.registration import Points
+from shared.kernel import lean_kernel
 from shared.runtime.config import MapperConfig
 
-_BITS = 21
-_OFFSET = 1 << (_BITS - 1)
-"""Three signed 21-bit coordinates fit one 64-bit key: at 0.05 m voxels, points within 52 km of the origin."""
+
+class Verdict(IntEnum):
+    """What became of a point: the first stage which it did not pass."""
+
+    KEPT = 0
+    NOT_FINITE = 1
+    OUT_OF_RANGE = 2
+    OUT_OF_BOX = 3
+    ON_BODY = 4
+    OUTLIER = 5
 
 
-def thinned(points_lidar_m: Points, config: MapperConfig) -> NDArray[np.float64]:
-    """The scan (N, 3), in the lidar frame, as registration and map take it: (M, 3) in the same frame."""
-    near = range_gate(points_lidar_m, config.min_range_m, config.max_range_m)
-    return voxel_centroids(near, config.voxel_size_m)
+_NOT_FINITE, _OUT_OF_RANGE, _OUT_OF_BOX, _ON_BODY = (int(verdict) for verdict in list(Verdict)[1:5])
+"""Plain integers for the kernel."""
 
 
-def range_gate(points_m: Points, min_range_m: float, max_range_m: float) -> Points:
-    """The points (N, 3) whose distance from their frame's origin is within [min_range_m, max_range_m]."""
-    squares = np.einsum("ij,ij->i", points_m, points_m)
-    near: Points = points_m[(squares >= min_range_m**2) & (squares <= max_range_m**2)]
-    return near
+@dataclass(frozen=True, slots=True, eq=False)
+class Filtered:
+    """points_m (M, 3): what is left, in the scan's order and float type. verdicts (N,): uint8, of every point."""
+
+    points_m: Points
+    verdicts: NDArray[np.uint8]
+
+    @property
+    def counts(self) -> dict[Verdict, int]:
+        """How many points got each verdict."""
+        counts = np.bincount(self.verdicts, minlength=len(Verdict)).tolist()
+        return dict(zip(Verdict, counts, strict=True))
 
 
-def voxel_keys(points_m: Points, voxel_size_m: float) -> NDArray[np.int64]:
-    """One integer (N,) a point, the same for all points of one voxel.
+class ScanFilter:
+    """Drops, in this order: what is not finite, out of range, out of the box, on the robot's body, far from others."""
 
-    Raises:
-        ValueError: a point is 2^20 voxels or more from the origin.
+    def __init__(self, config: MapperConfig) -> None:
+        self._config = config
+        self._box_m = np.array(config.crop_m or (-np.inf, np.inf) * 3).reshape(3, 2)
+
+    def filtered(self, points_lidar_m: Points, is_body: NDArray[np.bool_] | None = None) -> Filtered:
+        """The points (N, 3) that pass, in the sensor's frame. is_body (N,): which ones lie on the robot itself."""
+        config = self._config
+        points_m = np.ascontiguousarray(points_lidar_m)
+        mask = np.zeros(0, dtype=np.bool_) if is_body is None else np.ascontiguousarray(is_body)
+        verdicts = np.empty(len(points_m), dtype=np.uint8)
+        _judge(points_m, mask, config.min_range_m**2, config.max_range_m**2, self._box_m, verdicts)
+        kept_m = np.take(points_m, np.flatnonzero(verdicts == Verdict.KEPT), axis=0)
+        if config.num_outlier_neighbours:
+            is_outlier = outliers(kept_m, config.num_outlier_neighbours, config.outlier_deviations, config.num_threads)
+            verdicts[np.flatnonzero(verdicts == Verdict.KEPT)[is_outlier]] = Verdict.OUTLIER
+            kept_m = kept_m[~is_outlier]
+        return Filtered(kept_m, verdicts)
+
+
+def outliers(points_m: Points, num_neighbours: int, num_deviations: float, num_threads: int = 1) -> NDArray[np.bool_]:
+    """Which of the points (N, 3) lie far from their nearest neighbours: (N,).
+
+    Far: the mean distance to them is above the scan's mean of it by more than so many standard deviations. Clouds that
+    have not enough points for that have no outliers.
+
+    Source: Rusu et al., "Towards 3D point cloud based object maps for household environments", RAS 2008.
     """
-    cells = np.floor(points_m / voxel_size_m).astype(np.int64)
-    if cells.size and np.abs(cells).max() >= _OFFSET:
-        raise ValueError(f"points reach {np.abs(points_m).max():.0f} m: too far for voxels of {voxel_size_m} m")
-    x, y, z = (cells + _OFFSET).T
-    keys: NDArray[np.int64] = (x << 2 * _BITS) | (y << _BITS) | z
-    return keys
+    if len(points_m) <= num_neighbours:
+        return np.zeros(len(points_m), dtype=np.bool_)
+    tree = small_gicp.KdTree(points_m, num_threads)
+    _, squares = tree.batch_knn_search(points_m, num_neighbours + 1, num_threads)
+    means_m = np.sqrt(squares).sum(axis=1) / num_neighbours
+    is_far: NDArray[np.bool_] = means_m > means_m.mean() + num_deviations * means_m.std()
+    return is_far
 
 
-def voxel_centroids(points_m: Points, voxel_size_m: float) -> NDArray[np.float64]:
-    """The mean (M, 3) of the points in each occupied voxel, in the order of the voxels' keys."""
-    keys = voxel_keys(points_m, voxel_size_m)
-    if not keys.size:
-        return np.empty((0, 3))
-    order = np.argsort(keys, kind="stable")
-    sorted_keys = keys[order]
-    starts = np.flatnonzero(np.diff(sorted_keys, prepend=sorted_keys[0] - 1))
-    sums = np.add.reduceat(points_m[order].astype(np.float64), starts, axis=0)
-    counts = np.diff(starts, append=keys.size)
-    centroids: NDArray[np.float64] = sums / counts[:, np.newaxis]
-    return centroids
+@lean_kernel()
+def _judge(
+    points: Points,
+    is_body: NDArray[np.bool_],
+    min_square_m2: float,
+    max_square_m2: float,
+    box_m: NDArray[np.float64],
+    verdicts: NDArray[np.uint8],
+) -> None:
+    """Fills in the verdicts; an empty `is_body` is that of no point."""
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        square_m2 = x * x + y * y + z * z
+        if not np.isfinite(x + y + z):
+            verdicts[i] = _NOT_FINITE
+        elif not min_square_m2 <= square_m2 <= max_square_m2:
+            verdicts[i] = _OUT_OF_RANGE
+        elif not _is_inside(x, y, z, box_m):
+            verdicts[i] = _OUT_OF_BOX
+        else:
+            verdicts[i] = _ON_BODY if len(is_body) and is_body[i] else 0
+
+
+@lean_kernel()
+def _is_inside(x: float, y: float, z: float, box_m: NDArray[np.float64]) -> bool:
+    return bool(box_m[0, 0] <= x <= box_m[0, 1] and box_m[1, 0] <= y <= box_m[1, 1] and box_m[2, 0] <= z <= box_m[2, 1])

@@ -1,30 +1,34 @@
-"""The map, which grows by keyframes, and the registration on the part of it that is in reach."""
+"""What scans are aligned to: a map that grows by keyframes, or the last scan alone."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.mapper.methods import METHODS
-from services.mapper.registration import Points, Registration
+from services.mapper.methods.registry import RegistrationClass
+from services.mapper.registration import MIN_POINTS, Points, Registration
 from services.mapper.voxel_map import VoxelMap
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
 
 
 class KeyframeMap:
-    """A voxel map of keyframes: the first scan, which puts the map frame where the lidar is, and those that show more.
+    """A voxel map of keyframes: the first scan, and those that show more.
 
-    registration: aligns scans to the map as of the last keyframe, out to twice the lidar's gate from there.
+    registration: aligns scans to the map as of the last keyframe, out to twice the sensor's range from there; to all of
+    it where a full map has nothing there.
+
+    Raises:
+        RegistrationError: the first scan has too few points.
     """
 
-    def __init__(self, points_lidar_m: Points, config: MapperConfig) -> None:
+    def __init__(
+        self, points_lidar_m: Points, T_map_lidar: SE3, config: MapperConfig, method: RegistrationClass
+    ) -> None:
         self._config = config
+        self._method = method
         self._voxels = VoxelMap(config.voxel_size_m, config.max_map_points)
-        self._insert(points_lidar_m, SE3.identity())
-
-    def __len__(self) -> int:
-        return len(self._voxels)
+        self._insert(points_lidar_m, T_map_lidar)
 
     @property
     def points_m(self) -> NDArray[np.float64]:
@@ -46,4 +50,30 @@ class KeyframeMap:
         self._novelty = 0.0
         points_m = self._voxels.points_m
         is_near = np.linalg.norm(points_m - T_map_lidar.translation, axis=1) <= 2.0 * self._config.max_range_m
-        self.registration: Registration = METHODS[self._config.method](points_m[is_near], self._config)
+        target_m = points_m[is_near] if is_near.sum() >= MIN_POINTS else points_m
+        self.registration: Registration = self._method(target_m, self._config)
+
+
+class LastScan:
+    """The last scan alone, as a target: what was seen before is forgotten.
+
+    Raises:
+        RegistrationError: the first scan has too few points.
+    """
+
+    def __init__(
+        self, points_lidar_m: Points, T_map_lidar: SE3, config: MapperConfig, method: RegistrationClass
+    ) -> None:
+        self._config = config
+        self._method = method
+        self.add(points_lidar_m, T_map_lidar)
+
+    @property
+    def points_m(self) -> NDArray[np.float64]:
+        """The scan (N, 3), in the map frame."""
+        return self._points_m
+
+    def add(self, points_lidar_m: Points, T_map_lidar: SE3) -> None:
+        """Takes a located scan (N, 3) in place of the one before."""
+        self._points_m = np.asarray(T_map_lidar.apply(points_lidar_m), dtype=np.float64)
+        self.registration: Registration = self._method(self._points_m, self._config)

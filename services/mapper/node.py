@@ -1,21 +1,76 @@
 """Wiring of the mapper."""
 
-from services.mapper.odometry import Mapper
-from shared.messaging.channels import LIDAR_POINTS, MAP_CLOUD, MAP_ODOMETRY, MAP_STATUS
-from shared.messaging.messages import LidarScan
-from shared.runtime.config import Config
-from shared.runtime.node import Context, Messages, Node
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from services.mapper.mapper import Mapper
+from services.mapper.priors.interface import Prior
+from services.mapper.warming import warm_up
+from shared.cloud_files import read_cloud
+from shared.messaging.channels import (
+    DEPTH_CAMERA_INFO,
+    DEPTH_IMAGE,
+    DEPTH_IMU,
+    JOINTS_STATE,
+    LEG_STATE,
+    LIDAR_IMU,
+    LIDAR_POINTS,
+    MAP_CLOUD,
+    MAP_ODOMETRY,
+    MAP_PLANES,
+    MAP_STATUS,
+    ROBOT_DESCRIPTION,
+    Channel,
+)
+from shared.messaging.messages import Message
+from shared.runtime.config import Config, MapperConfig
+from shared.runtime.node import Context, Handler, Messages, Node
+
+M = TypeVar("M", bound=Message)
 
 
 def build_node(config: Config, context: Context) -> Node:
-    """The node that turns scans into odometry and a map."""
-    mapper = Mapper(config.mapper, context.clock_ns)
+    """The node that turns scans, or depth images, into odometry and a map.
 
-    def add_scan(scan: LidarScan) -> Messages:
-        return mapper.add_scan(scan, context.received_ns)
-
+    Raises:
+        InputFileError: the map to begin with is not usable.
+    """
+    mapper = load_mapper(config.mapper, context.clock_ns)
     return Node(
         name="mapper",
-        inputs={LIDAR_POINTS: add_scan},
-        outputs=(MAP_ODOMETRY, MAP_STATUS, MAP_CLOUD),
+        inputs=inputs_of(mapper, config.mapper, lambda: context.received_ns),
+        outputs=(MAP_ODOMETRY, MAP_STATUS, MAP_CLOUD, MAP_PLANES),
     )
+
+
+def inputs_of(mapper: Mapper, config: MapperConfig, received_ns: Callable[[], int]) -> dict[Channel, Handler]:
+    """What the mapper takes, and its method for it. received_ns: when the message in hand was received."""
+
+    def timed(add: Callable[[M, int], Messages]) -> Handler:
+        return lambda message: add(message, received_ns())
+
+    lidar: dict[Channel, Handler] = {LIDAR_POINTS: timed(mapper.add_scan), LIDAR_IMU: mapper.add_imu}
+    depth: dict[Channel, Handler] = {
+        DEPTH_IMAGE: timed(mapper.add_image),
+        DEPTH_CAMERA_INFO: mapper.set_camera,
+        DEPTH_IMU: mapper.add_imu,
+    }
+    return {
+        ROBOT_DESCRIPTION: mapper.set_robot,
+        JOINTS_STATE: mapper.add_joints,
+        LEG_STATE: mapper.add_leg_state,
+        **(lidar if config.input == "lidar" else depth),
+    }
+
+
+def load_mapper(config: MapperConfig, clock_ns: Callable[[], int], prior: Prior | None = None) -> Mapper:
+    """The mapper, with its kernels compiled and the map it begins with. prior: instead of the configured one.
+
+    Raises:
+        InputFileError: the map to begin with is not usable.
+    """
+    warm_up(config)
+    loaded_map_m = None if config.map_file is None else read_cloud(config.map_file).points_m
+    return Mapper(config, clock_ns, prior=prior, loaded_map_m=loaded_map_m)

@@ -1,102 +1,132 @@
-"""Follows the lidar from scan to scan: predicts, registers, searches wider where that fails, and decides."""
+"""Follows the sensor from scan to scan: aligns, believes or does not, holds what is open, finds itself again."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from services.mapper.registration import Points, Registration, RegistrationResult
+from services.mapper.degeneracy import degenerate_axes, held
+from services.mapper.registration import Points, RegistrationResult, ScanMatcher
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
 
-MIN_POINTS = 20
-"""A thinned scan with fewer points is not registered: the local shape of one point alone takes ten."""
-_CLEAR_SCORE = 0.75
-"""From here on no other pose is tried: on lattices, wrong poses that had converged stayed below."""
-_SEARCH_STRIDE = 4
-"""The first guess of a wider search takes every fourth point."""
 _MAX_WIDENINGS = 3
 """What is searched and believed doubles with each lost scan, so often at most."""
+_MEASURED = 0.25
+"""Of what is searched and believed without a measurement of the motion; legs and IMUs are wrong by centimetres."""
+_JUST_THERE_M, _JUST_THERE_RAD = 0.03, 0.035
+"""What a measured step may be wrong by and still tell two places apart: slips along weak directions are 4-12 cm."""
+_SEEMING = 0.5
+"""Of the score that is believed: enough to try how a scan fits, or where a measured motion says the same."""
+_LOCALISE_AFTER = 2
+"""Lost scans after which the whole map is searched, at first at each and then at every so many scans."""
+_LOCALISE_EVERY = 5
+_MAX_DOUBLINGS = 20
+"""Of the way that is believed after a search of the whole map: by then any place is."""
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Where the lidar is believed to be. result: the registration behind it, None if there was nothing to register."""
+    """Where the sensor is believed to be. result: the registration behind it, None if there was nothing to register.
 
-    T_map_lidar: SE3
+    degenerate_axes: of the map, which the scan leaves open, so that the prediction holds the pose there.
+    is_found_again: the pose was found by a search of the whole map.
+    """
+
+    T_map_sensor: SE3
     is_tracking: bool
-    result: RegistrationResult | None
+    result: RegistrationResult | None = None
+    degenerate_axes: tuple[str, ...] = ()
+    is_found_again: bool = False
 
 
 class Tracker:
-    """Predicts by constant velocity and corrects by registration; begins at rest at the map's origin, at `stamp_ns`.
+    """Believes or refuses what a matcher finds. A refused scan is lost: its pose is the prediction, the map unchanged.
 
-    A lost scan keeps the prediction, and the velocity is dropped, so that the estimate does not run away.
+    matcher: has begun its target with a scan at T_map_sensor.
     """
 
-    def __init__(self, config: MapperConfig, stamp_ns: int) -> None:
+    def __init__(self, config: MapperConfig, matcher: ScanMatcher, T_map_sensor: SE3) -> None:
         self._config = config
-        self._stamp_ns = self._tracked_stamp_ns = stamp_ns
-        self._T_map_lidar = self._T_map_tracked = SE3.identity()
-        self._twist_per_s = np.zeros(6)
-        self._num_lost = 0
+        self._matcher = matcher
+        self._T_map_sensor = self._T_map_tracked = T_map_sensor
+        self.num_lost = 0
+        """Scans lost since the last that was tracked."""
 
-    def follow(self, points_lidar_m: Points, stamp_ns: int, registration: Registration) -> Track:
-        """Finds the thinned scan (N, 3), in the lidar frame, in the registration's target."""
-        prediction = self._T_map_lidar @ SE3.exp(self._twist_per_s * _seconds(stamp_ns - self._stamp_ns))
-        self._stamp_ns = stamp_ns
-        has_points = len(points_lidar_m) >= MIN_POINTS
-        result = self._best(points_lidar_m, prediction, registration) if has_points else None
-        if result is not None and self._is_believable(result, prediction):
-            self._accept(result.T_map_lidar)
-            return Track(result.T_map_lidar, True, result)
-        self._T_map_lidar = prediction
-        self._twist_per_s = np.zeros(6)
-        self._num_lost += 1
-        return Track(prediction, False, result)
+    @property
+    def T_map_sensor(self) -> SE3:
+        """Where the last scan was believed to be taken."""
+        return self._T_map_sensor
 
-    def _best(self, points_lidar_m: Points, prediction: SE3, registration: Registration) -> RegistrationResult:
-        """The first clear result of the attempts, or the one of the highest score."""
-        results = []
-        for result in self._attempts(points_lidar_m, prediction, registration):
-            results.append(result)
-            if result.is_converged and result.score >= _CLEAR_SCORE:
-                return result
-        return max(results, key=lambda result: result.score)
+    def look(self, points_m: Points, step: SE3) -> SE3 | None:
+        """Where a scan seems to be near the prediction; nothing is believed or taken from it.
 
-    def _attempts(
-        self, points_lidar_m: Points, prediction: SE3, registration: Registration
-    ) -> Iterator[RegistrationResult]:
-        gate_m = self._config.max_correspondence_m
-        search_gate_m = self._config.search_correspondence_m * self._widening
-        for start in (prediction, self._T_map_tracked):
-            yield registration.align(points_lidar_m, start, gate_m)
-        for start in (prediction, self._T_map_tracked):
-            guess = registration.align(points_lidar_m[::_SEARCH_STRIDE], start, search_gate_m)
-            yield registration.align(points_lidar_m, guess.T_map_lidar, gate_m)
+        A scan that is bent otherwise than was thought fits badly everywhere, but least so where it was taken.
+        """
+        prediction = self._T_map_sensor @ step
+        guesses = [prediction, self._T_map_tracked]
+        widening = self._widening(is_measured=False)
+        result = self._matcher.align(points_m, guesses, widening)
+        is_found = result.score >= _SEEMING * self._config.min_score and self._is_near(result, guesses, widening)
+        return result.T_map_lidar if is_found else None
 
-    def _is_believable(self, result: RegistrationResult, prediction: SE3) -> bool:
-        jumps = [start.inv() @ result.T_map_lidar for start in (prediction, self._T_map_tracked)]
-        return result.score >= self._config.min_score and any(
-            np.linalg.norm(jump.translation) <= self._config.max_jump_m * self._widening
-            and jump.angle_rad <= np.deg2rad(self._config.max_jump_deg) * self._widening
+    def follow(self, points_m: Points, step: SE3, *, is_measured: bool = False) -> Track:
+        """Finds a filtered scan (N, 3), in the sensor's frame, in the map. step: T_last_now as predicted.
+
+        is_measured: the step comes from a measurement of the motion rather than from its trend. Then only its end is
+        searched, less far, and a place that is just there is believed even where another would fit as well, or where
+        much of the scan is new.
+        """
+        prediction = self._T_map_sensor @ step
+        guesses = [prediction] if is_measured else [prediction, self._T_map_tracked]
+        widening = self._widening(is_measured)
+        result = self._matcher.align(points_m, guesses, widening)
+        is_found_again = False
+        if not (self._is_clear(result, prediction, is_measured) and self._is_near(result, guesses, widening)):
+            result, is_found_again = self._found_anywhere(points_m, guesses, is_measured) or (result, False)
+            if not is_found_again:
+                self._T_map_sensor = prediction
+                self.num_lost += 1
+                return Track(prediction, False, result, degenerate_axes(result.hessian))
+        axes = degenerate_axes(result.hessian)
+        T_map_sensor = held(result, prediction) if axes and not is_found_again else result.T_map_lidar
+        self._matcher.accept(T_map_sensor)
+        self._T_map_sensor = self._T_map_tracked = T_map_sensor
+        self.num_lost = 0
+        return Track(T_map_sensor, True, result, axes, is_found_again)
+
+    def _widening(self, is_measured: bool) -> float:
+        widest = 2.0 ** min(self.num_lost, _MAX_WIDENINGS)
+        return min(_MEASURED * widest, 1.0) if is_measured else widest
+
+    def _is_clear(self, result: RegistrationResult, prediction: SE3, is_measured: bool) -> bool:
+        if is_measured and _is_at(result.T_map_lidar, prediction):
+            return result.score >= _SEEMING * self._config.min_score
+        return result.score >= self._config.min_score and not result.is_suspect
+
+    def _found_anywhere(
+        self, points_m: Points, guesses: list[SE3], is_measured: bool
+    ) -> tuple[RegistrationResult, bool] | None:
+        """A clear place in the whole map, not farther than so many lost scans allow: lattices repeat themselves."""
+        since = self.num_lost - _LOCALISE_AFTER
+        if self._config.scan_to == "scan" or since < 0 or (since > _LOCALISE_EVERY and since % _LOCALISE_EVERY):
+            return None
+        result = self._matcher.localise(points_m)
+        if result is None or result.is_suspect or result.score < self._config.min_score:
+            return None
+        widening = 2.0 ** min(self.num_lost, _MAX_DOUBLINGS) * (_MEASURED if is_measured else 1.0)
+        return (result, True) if self._is_near(result, guesses, widening) else None
+
+    def _is_near(self, result: RegistrationResult, guesses: list[SE3], widening: float) -> bool:
+        jumps = [guess.inv() @ result.T_map_lidar for guess in guesses]
+        return any(
+            np.linalg.norm(jump.translation) <= self._config.max_jump_m * widening
+            and jump.angle_rad <= np.deg2rad(self._config.max_jump_deg) * widening
             for jump in jumps
         )
 
-    def _accept(self, T_map_lidar: SE3) -> None:
-        elapsed_s = _seconds(self._stamp_ns - self._tracked_stamp_ns)
-        step = self._T_map_tracked.inv() @ T_map_lidar
-        self._twist_per_s = step.log() / elapsed_s if elapsed_s > 0 else np.zeros(6)
-        self._T_map_lidar = self._T_map_tracked = T_map_lidar
-        self._tracked_stamp_ns = self._stamp_ns
-        self._num_lost = 0
 
-    @property
-    def _widening(self) -> float:
-        return float(2 ** min(self._num_lost, _MAX_WIDENINGS))
-
-
-def _seconds(duration_ns: int) -> float:
-    return duration_ns * 1e-9
+def _is_at(T: SE3, prediction: SE3) -> bool:
+    difference = prediction.inv() @ T
+    return bool(np.linalg.norm(difference.translation) <= _JUST_THERE_M and difference.angle_rad <= _JUST_THERE_RAD)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.mapper.filters import voxel_keys
 from services.mapper.registration import Points
+from services.mapper.voxel_table import VoxelTable
+from shared.kernel import lean_kernel
 
 _MAX_OBSERVATIONS = 20
 """A voxel is settled after this many points, which leaves 8 mm of noise at 2 mm; later points cannot make it drift."""
@@ -15,43 +16,67 @@ _MAX_OBSERVATIONS = 20
 class VoxelMap:
     """Points in the map frame, thinned to the mean of the first points of each voxel.
 
+    The origin is in the middle of a voxel: steel is often built, and the sensor often begins, at multiples of a voxel,
+    and a face on the border of two rows of voxels would be split by its noise into two rows of points.
+
     voxel_size_m: edge of a voxel. max_voxels: when so many are occupied, new places are no longer added.
     """
 
     def __init__(self, voxel_size_m: float, max_voxels: int) -> None:
-        self._voxel_size_m = voxel_size_m
-        self._max_voxels = max_voxels
-        self._row_of_key: dict[int, int] = {}
+        self._table = VoxelTable(voxel_size_m, max_voxels)
+        self._half_voxel_m = np.float32(0.5 * voxel_size_m)
         self._sums = np.zeros((1024, 3))
-        self._counts = np.zeros(1024, dtype=np.int64)
+        self._counts = np.zeros(1024, dtype=np.int32)
 
     def __len__(self) -> int:
-        return len(self._row_of_key)
+        return len(self._table)
 
     @property
     def points_m(self) -> NDArray[np.float64]:
-        """A copy of the map (N, 3), oldest voxel first."""
+        """A copy of the map (N, 3), in the map frame, oldest voxel first."""
         num = len(self)
         return self._sums[:num] / self._counts[:num, np.newaxis]
 
     def insert(self, points_m: Points) -> None:
-        """Adds points (N, 3) in the map frame.
+        """Adds points (N, 3) in the map frame. Those of one call that share a voxel count while it is not settled.
 
         Raises:
-            ValueError: a point is too far from the origin to be numbered, see `voxel_keys`.
+            ValueError: a point is too far from the origin to be numbered, see `VoxelTable`; nothing was added.
         """
-        rows = self._rows(voxel_keys(points_m, self._voxel_size_m))
-        is_open = (rows >= 0) & (self._counts[rows] < _MAX_OBSERVATIONS)
-        np.add.at(self._sums, rows[is_open], points_m[is_open])
-        np.add.at(self._counts, rows[is_open], 1)
-
-    def _rows(self, keys: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The row of each key, giving new keys a row while there is room; -1 without one."""
-        table = self._row_of_key
-        for key in keys.tolist():
-            if key not in table and len(table) < self._max_voxels:
-                table[key] = len(table)
-        while len(table) > len(self._counts):
+        rows = self._table.rows(points_m + self._half_voxel_m)
+        while len(self._table) > len(self._counts):
             self._sums = np.concatenate([self._sums, np.zeros_like(self._sums)])
             self._counts = np.concatenate([self._counts, np.zeros_like(self._counts)])
-        return np.array([table.get(key, -1) for key in keys.tolist()], dtype=np.int64)
+        _accumulate(np.ascontiguousarray(points_m, dtype=np.float64), rows, _MAX_OBSERVATIONS, self._sums, self._counts)
+
+
+def voxel_centroids(points_m: Points, voxel_size_m: float) -> NDArray[np.float64]:
+    """The mean (M, 3) of the points (N, 3) in each occupied voxel, in the order in which the voxels were first met.
+
+    Raises:
+        ValueError: a point is too far from the origin to be numbered, see `VoxelTable`.
+    """
+    points = np.ascontiguousarray(points_m, dtype=np.float64)
+    table = VoxelTable(voxel_size_m, max_voxels=max(len(points), 1))
+    rows = table.rows(points)
+    sums, counts = np.zeros((len(table), 3)), np.zeros(len(table), dtype=np.int32)
+    _accumulate(points, rows, len(points), sums, counts)
+    centroids: NDArray[np.float64] = sums / counts[:, np.newaxis]
+    return centroids
+
+
+@lean_kernel()
+def _accumulate(
+    points: NDArray[np.float64],
+    rows: NDArray[np.int32],
+    max_observations: int,
+    sums: NDArray[np.float64],
+    counts: NDArray[np.int32],
+) -> None:
+    """Adds each point to its row, if it has one that is still open."""
+    for i in range(len(points)):
+        row = rows[i]
+        if row >= 0 and counts[row] < max_observations:
+            counts[row] += 1
+            for axis in range(3):
+                sums[row, axis] += points[i, axis]

@@ -202,14 +202,35 @@ def _odometry(odometry: m.Odometry, stamp_ns: int) -> object:
 
 def _map_status(status: m.MapStatus, stamp_ns: int) -> object:
     axes = list(status.degenerate_axes)
-    return ros.own(status, stamp_ns, fitness=_or_unknown(status.fitness), degenerate_axes=axes)
+    unknown = {"fitness": _or_unknown(status.fitness), "leg_slip_m": _or_unknown(status.leg_slip_m)}
+    return ros.own(status, stamp_ns, degenerate_axes=axes, **unknown)
+
+
+def _plane_map(plane_map: m.PlaneMap, stamp_ns: int) -> object:
+    return ros.own(plane_map, stamp_ns, planes=[_plane(plane) for plane in plane_map.planes])
+
+
+def _plane(plane: m.Plane) -> object:
+    corners = [ros.new("geometry_msgs/msg/Point32", x=x, y=y, z=z) for x, y, z in plane.outline_m.tolist()]
+    red, green, blue = plane.colour.tolist()
+    return ros.new(
+        "hyrecro_msgs/msg/Plane",
+        id=plane.id,
+        coefficients=plane.coefficients,
+        num_inliers=plane.num_inliers,
+        outline=ros.new("geometry_msgs/msg/Polygon", points=corners),
+        color=ros.new("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=1.0),
+    )
 
 
 # ---- supervision
 
 
 def _tracking_metrics(metrics: m.TrackingMetrics, stamp_ns: int) -> object:
-    return ros.own(metrics, stamp_ns)
+    """Without a map the number of its points is 0."""
+    names = ("rpe_rmse_rad", "drift_m", "map_accuracy_mean_m", "map_accuracy_p95_m")
+    unknown = {name: _or_unknown(getattr(metrics, name)) for name in names}
+    return ros.own(metrics, stamp_ns, **unknown, num_map_points=metrics.num_map_points or 0)
 
 
 def _event(event: m.Event, stamp_ns: int) -> object:
@@ -270,6 +291,7 @@ ROS_FORMS: Mapping[type[m.Message], RosForm] = {
     m.CameraInfo: RosForm("sensor_msgs/msg/CameraInfo", sensors.camera_info),
     m.PointCloud: RosForm("sensor_msgs/msg/PointCloud2", sensors.point_cloud),
     m.Odometry: RosForm("nav_msgs/msg/Odometry", _odometry),
+    m.PlaneMap: RosForm("hyrecro_msgs/msg/PlaneMap", _plane_map),
     m.MapStatus: RosForm("hyrecro_msgs/msg/MapStatus", _map_status),
     m.TrackingMetrics: RosForm("hyrecro_msgs/msg/TrackingMetrics", _tracking_metrics),
     m.Event: RosForm("rcl_interfaces/msg/Log", _event),

@@ -104,7 +104,7 @@ def _map_status(ros_message: Any, seq: int) -> m.MapStatus:
     names = [name for name in m.MapStatus.__dataclass_fields__ if name not in ("stamp_ns", "seq", "frame")]
     values = {name: getattr(ros_message, name) for name in names}
     values["degenerate_axes"] = tuple(values["degenerate_axes"])
-    values["fitness"] = None if np.isnan(values["fitness"]) else values["fitness"]
+    values["fitness"], values["leg_slip_m"] = _known(values["fitness"]), _known(values["leg_slip_m"])
     header = ros_message.header
     return m.MapStatus(stamp_ns=_stamp_ns(header.stamp), seq=seq, frame=header.frame_id, **values)
 
@@ -129,6 +129,59 @@ def _leg_state(ros_message: Any, seq: int) -> m.LegState:
         load_n=_known(ros_message.load_n),
         margin=_known(ros_message.margin),
     )
+
+
+def _joint_state(ros_message: Any, seq: int) -> m.JointState:
+    return m.JointState(
+        stamp_ns=_stamp_ns(ros_message.header.stamp),
+        seq=seq,
+        frame=ros_message.header.frame_id,
+        q=ros_message.position,
+        dq=ros_message.velocity,
+        effort=ros_message.effort if len(ros_message.effort) else None,
+    )
+
+
+def _imu(ros_message: Any, seq: int) -> m.Imu:
+    rate, acceleration = ros_message.angular_velocity, ros_message.linear_acceleration
+    return m.Imu(
+        stamp_ns=_stamp_ns(ros_message.header.stamp),
+        seq=seq,
+        frame=ros_message.header.frame_id,
+        angular_velocity_radps=np.array([rate.x, rate.y, rate.z]),
+        linear_acceleration_mps2=np.array([acceleration.x, acceleration.y, acceleration.z]),
+    )
+
+
+def _depth_image(ros_message: Any, seq: int) -> m.DepthImage:
+    return m.DepthImage(
+        stamp_ns=_stamp_ns(ros_message.header.stamp),
+        seq=seq,
+        frame=ros_message.header.frame_id,
+        height=ros_message.height,
+        width=ros_message.width,
+        depth_mm=ros_message.data.view("<u2"),
+    )
+
+
+def _camera_info(ros_message: Any, seq: int) -> m.CameraInfo:
+    K = ros_message.k.reshape(3, 3)
+    return m.CameraInfo(
+        stamp_ns=_stamp_ns(ros_message.header.stamp),
+        seq=seq,
+        frame=ros_message.header.frame_id,
+        height=ros_message.height,
+        width=ros_message.width,
+        fx=K[0, 0],
+        fy=K[1, 1],
+        cx=K[0, 2],
+        cy=K[1, 2],
+    )
+
+
+def _robot(ros_message: Any, seq: int) -> m.RobotDescription:
+    """A std_msgs/String has neither time nor frame: the robot's root link is named in its URDF."""
+    return m.RobotDescription(stamp_ns=0, seq=seq, frame="", urdf=ros_message.data)
 
 
 def _event(ros_message: Any, seq: int) -> m.Event:
@@ -168,6 +221,11 @@ def _health(ros_message: Any, seq: int) -> m.Health:
 
 
 _FROM_ROS: dict[type[m.Message], Callable[[Any, int], m.Message]] = {
+    m.JointState: _joint_state,
+    m.Imu: _imu,
+    m.DepthImage: _depth_image,
+    m.CameraInfo: _camera_info,
+    m.RobotDescription: _robot,
     m.LegState: _leg_state,
     m.Event: _event,
     m.Transforms: _transforms,

@@ -50,16 +50,33 @@ std_msgs/Header header
 int64 seq
 int64 scan_seq
 string method
+string prior
 bool is_tracking
+bool is_suspect
 float64 registration_ms
 float64 lag_ms
 int64 num_iterations
 int64 num_points
 int64 num_inliers
+float64 score
 float64 fitness
 string[] degenerate_axes
 int64 num_map_points
 int64 num_scans_missed
+int64 num_lost_scans
+float64 leg_slip_m
+""",
+    "hyrecro_msgs/msg/Plane": """\
+int64 id
+float64[4] coefficients
+int64 num_inliers
+geometry_msgs/Polygon outline
+std_msgs/ColorRGBA color
+""",
+    "hyrecro_msgs/msg/PlaneMap": """\
+std_msgs/Header header
+int64 seq
+hyrecro_msgs/Plane[] planes
 """,
     "hyrecro_msgs/msg/TrackingMetrics": """\
 std_msgs/Header header
@@ -69,6 +86,11 @@ float64 ate_rmse_m
 float64 rpe_rmse_m
 float64 last_error_m
 float64 last_error_rad
+float64 rpe_rmse_rad
+float64 drift_m
+float64 map_accuracy_mean_m
+float64 map_accuracy_p95_m
+int64 num_map_points
 """,
 }
 

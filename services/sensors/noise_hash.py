@@ -11,7 +11,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sensors.kernel import kernel
+from shared.kernel import kernel
 
 Seed = int | np.uint64
 

@@ -189,6 +189,14 @@ MAP_CLOUD = Channel(
     rate_hz=1.0,
     is_kept=True,
 )
+MAP_PLANES = Channel(
+    key="map/planes",
+    message=m.PlaneMap,
+    delivery=LATEST,
+    ros_type="hyrecro_msgs/msg/PlaneMap",
+    rate_hz=1.0,
+    is_kept=True,
+)
 MAP_STATUS = Channel(
     key="map/status",
     message=m.MapStatus,
@@ -235,6 +243,7 @@ CHANNELS: tuple[Channel, ...] = (
     *SENSOR_CHANNELS["depth"],
     MAP_ODOMETRY,
     MAP_CLOUD,
+    MAP_PLANES,
     MAP_STATUS,
     EVAL_METRICS,
     EVENTS,

@@ -20,6 +20,7 @@ from shared.messaging.values import (
     JOINT_NAMES as JOINT_NAMES,
     MAX_STAMP_NS as MAX_STAMP_NS,
     Actuators as Actuators,
+    Coefficients as Coefficients,
     Covariance as Covariance,
     Foot as Foot,
     FootPhase as FootPhase,
@@ -368,22 +369,54 @@ class Odometry(Measurement):
 class MapStatus(Measurement):
     """How the registration of one scan went.
 
-    scan_seq: the scan's `seq`. fitness: mean squared distance of the inliers in m^2. lag_ms: from receipt to result.
-    degenerate_axes: which of x y z roll pitch yaw (map frame) the scan does not determine.
+    scan_seq: the scan's `seq`. prior: what predicted the motion. is_tracking: the pose is believed; otherwise the
+    sensor is lost, and its pose is the prediction. score: 0..1, how well the map explains the scan. fitness: mean
+    squared distance of the inliers in m^2. is_suspect: another pose would fit as well.
+    registration_ms: from the message to the pose, with what further scans are aligned to. lag_ms: from its receipt on.
+    degenerate_axes: which of x y z roll pitch yaw (map frame) the scan does not determine; there the prior holds the
+    pose. leg_slip_m: how far scans and legs disagree over the last second; None without legs. num_lost_scans: so far.
     """
 
     scan_seq: int
     method: str
+    prior: str
     is_tracking: bool
+    is_suspect: bool
     registration_ms: float
     lag_ms: float
     num_iterations: int
     num_points: int
     num_inliers: int
+    score: float
     fitness: float | None
     degenerate_axes: tuple[str, ...]
     num_map_points: int
     num_scans_missed: int
+    num_lost_scans: int
+    leg_slip_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plane(Message):
+    """One plane of the map: the points p of its surface have coefficients[:3] @ p + coefficients[3] = 0.
+
+    id: stays the same while the plane is refined. coefficients (4,): the unit normal, towards the side it was seen
+    from, then the offset in metres. num_inliers: points measured on it so far. outline_m (K, 3): corners of the part
+    that was seen, counter-clockwise seen from there. colour (3,): red, green, blue, 0..1, a plane's own.
+    """
+
+    id: int
+    coefficients: Coefficients
+    num_inliers: int
+    outline_m: Points
+    colour: Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlaneMap(Measurement):
+    """The planes of the map, in `frame`, by their ids."""
+
+    planes: tuple[Plane, ...]
 
 
 # ---- supervision
@@ -391,13 +424,22 @@ class MapStatus(Measurement):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrackingMetrics(Measurement):
-    """Estimate against truth so far: RMSE of position (ATE), of the step between scans (RPE), and the last error."""
+    """Estimate against truth so far: RMSE of position (ATE), of the step between scans (RPE), and the last error.
+
+    drift_m: of the last position, with the first poses laid together. map_accuracy_*: distance of the map's points to
+    the true structure, of a part of its num_map_points. None = not known yet.
+    """
 
     num_poses: int
     ate_rmse_m: float
     rpe_rmse_m: float
     last_error_m: float
     last_error_rad: float
+    rpe_rmse_rad: float | None = None
+    drift_m: float | None = None
+    map_accuracy_mean_m: float | None = None
+    map_accuracy_p95_m: float | None = None
+    num_map_points: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

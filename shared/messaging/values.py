@@ -21,6 +21,8 @@ Actuators = Annotated[NDArray[np.float64], Array("float64", (10,), is_inline=Tru
 Vector = Annotated[NDArray[np.float64], Array("float64", (3,), is_inline=True)]
 Wrench = Annotated[NDArray[np.float64], Array("float64", (6,), is_inline=True)]
 """Force in N, then moment in Nm."""
+Coefficients = Annotated[NDArray[np.float64], Array("float64", (4,), is_inline=True)]
+"""Of a plane: unit normal, then offset in metres."""
 NamedValues = Annotated[NDArray[np.float64], Array("float64", ("J",), is_inline=True)]
 Points = Annotated[NDArray[np.float32], Array("float32", ("N", 3))]
 PerPointFloat = Annotated[NDArray[np.float32], Array("float32", ("N",))]

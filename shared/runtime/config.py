@@ -114,28 +114,64 @@ class SimConfig(Section):
 class MapperConfig(Section):
     """Online registration and the map."""
 
-    method: Literal["gicp"] = "gicp"
+    input: Literal["lidar", "depth"] = "lidar"
+    """What is mapped: the scans of sensors.lidar, or the images of sensors.depth."""
+    method: str = Field("plane", pattern=r"^([a-z_]+|[^:]+:[A-Za-z_][A-Za-z0-9_]*)$")
+    """A name in services/mapper/methods, or FILE.py:CLASS for one of your own."""
+    scan_to: Literal["map", "scan"] = "map"
+    """What a scan is aligned to: the map of all scans, or the scan before it."""
+    prior: Literal["constant_velocity", "imu", "legs"] = "legs"
+    """What predicts the motion between two scans: their trend, the sensor's IMU, or joints and feet."""
+    deskew: bool = True
+    """Takes the sensor's own motion out of each scan, as the prior knows it."""
     min_range_m: float = Field(0.5, ge=0, le=100)
     """Beyond the robot's own reach: its feet come to 0.44 m of the sensor, and moving parts do not belong in a map."""
     max_range_m: float = Field(10.0, gt=0, le=1000)
+    crop_m: tuple[float, float, float, float, float, float] | None = None
+    """x0 x1 y0 y1 z0 z1 of a box in the sensor's frame, outside of which points are dropped. None: no box."""
+    body: bool = True
+    """Drops points on the robot itself, where joints and feet are known."""
+    num_outlier_neighbours: int = Field(0, ge=0, le=100)
+    """Points are dropped that lie far from so many nearest neighbours; 0 = no such filter."""
+    outlier_deviations: float = Field(2.0, gt=0, le=100)
+    """How many standard deviations beyond the mean distance to the neighbours is far."""
+    range_noise_m: float | None = Field(None, gt=0, le=1)
+    """Standard deviation of a range, for the method `plane`. None: found from the first scans."""
     voxel_size_m: float = Field(0.05, gt=0, le=10)
     """Edge of the voxels that thin scans and map; finer maps cost time with its square."""
     max_map_points: int = Field(500_000, ge=1000, le=100_000_000)
-    """The map stops growing here; a point costs some 200 bytes."""
+    """The map stops growing here."""
+    max_planes: int = Field(4000, ge=10, le=100_000)
+    """The method `plane` takes up no further patches beyond so many."""
     keyframe_novelty: float = Field(0.05, ge=0, le=1)
-    """A scan enters the map when what the map did not explain, as shares of the scans since, adds up to this."""
+    """A scan enters the target of the point methods when what it did not explain, as shares of the scans since, adds
+    up to this."""
     max_correspondence_m: float = Field(0.1, gt=0, le=10)
     """Pairs of scan and map may be so far apart: below the bars' width, or a bar's two faces are mixed up."""
     search_correspondence_m: float = Field(1.0, gt=0, le=100)
     """The same for the first guess of a wider search, when the prediction does not lead to a good registration."""
     min_score: float = Field(0.5, gt=0, le=1)
     """A registration is not believed below this share of explained points (less where they lie off their surfaces)."""
-    max_jump_m: float = Field(0.5, gt=0, le=100)
-    max_jump_deg: float = Field(45.0, gt=0, le=180)
+    max_jump_m: float = Field(1.0, gt=0, le=100)
+    max_jump_deg: float = Field(90.0, gt=0, le=180)
     """A registration farther than this from both the prediction and the last tracked pose is not believed."""
     max_iterations: int = Field(20, ge=1, le=1000)
+    max_leg_error_m: float = Field(0.01, gt=0, le=10)
+    max_leg_error_deg: float = Field(1.5, gt=0, le=180)
+    """Where legs and scans disagree by more over a second, a foot is said to have slipped: encoders explain less."""
+    depth_stride: int = Field(4, ge=1, le=64)
+    """Of depth images, only every so many rows and columns are taken."""
+    map_file: InputFile | None = None
+    """A cloud to begin with: the first scan is looked for in it, and its frame is the map's."""
     map_rate_hz: float = Field(1.0, gt=0, le=10)
     num_threads: int = Field(1, ge=1, le=64)
+
+    @field_validator("crop_m")
+    @classmethod
+    def _box_is_not_empty(cls, crop_m: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if crop_m is not None and any(low >= high for low, high in zip(crop_m[::2], crop_m[1::2], strict=True)):
+            raise ValueError("must be x0,x1,y0,y1,z0,z1 with each first number below its second")
+        return crop_m
 
 
 class RecorderConfig(Section):

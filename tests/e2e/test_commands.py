@@ -91,7 +91,7 @@ def test_status_by_zenoh_subscribe(pipeline):
     with subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True) as process:
         status = json.loads(process.stdout.readline())
         process.terminate()
-    assert status["method"] == "gicp"
+    assert status["method"] == "plane"
     assert status["scan_seq"] >= 0
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from services.evaluator.map_accuracy import map_accuracy
 from services.evaluator.trajectory_error import TrajectoryError, compare_trajectories
-from services.mapper.odometry import Mapper
+from services.mapper.mapper import Mapper
 from shared.geometry import SE3
 from shared.messaging.messages import MapStatus, Odometry
 from shared.robot.urdf import parse_urdf

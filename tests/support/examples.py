@@ -7,6 +7,13 @@ from shared.messaging import messages as m
 _POSE = np.array([1.0, -2.0, 0.5, 0.0, 0.6, 0.0, 0.8])
 _AT = {"stamp_ns": 1_500_000_000, "seq": 7}
 
+_PLANE = m.Plane(
+    id=3,
+    coefficients=np.array([0.0, 0.0, 1.0, -2.0]),
+    num_inliers=500,
+    outline_m=np.array([[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [0.0, 1.0, 2.0]]),
+    colour=np.array([0.5, 0.25, 1.0]),
+)
 EXAMPLES: tuple[m.Message, ...] = (
     m.JointTarget(q=np.linspace(-0.4, 0.4, 8), duration_s=2.5),
     m.LegTarget(foot=m.Foot.B),
@@ -71,19 +78,37 @@ EXAMPLES: tuple[m.Message, ...] = (
         frame="map",
         scan_seq=7,
         method="gicp",
+        prior="legs",
         is_tracking=True,
+        is_suspect=False,
         registration_ms=8.5,
         lag_ms=12.0,
         num_iterations=5,
         num_points=2000,
         num_inliers=1900,
+        score=0.9,
         fitness=1e-4,
         degenerate_axes=("z",),
         num_map_points=40_000,
         num_scans_missed=0,
+        num_lost_scans=1,
+        leg_slip_m=0.002,
     ),
+    _PLANE,
+    m.PlaneMap(**_AT, frame="map", planes=(_PLANE,)),
     m.TrackingMetrics(
-        **_AT, frame="map", num_poses=3, ate_rmse_m=0.002, rpe_rmse_m=0.001, last_error_m=0.003, last_error_rad=0.001
+        **_AT,
+        frame="map",
+        num_poses=3,
+        ate_rmse_m=0.002,
+        rpe_rmse_m=0.001,
+        last_error_m=0.003,
+        last_error_rad=0.001,
+        rpe_rmse_rad=0.0005,
+        drift_m=0.004,
+        map_accuracy_mean_m=0.005,
+        map_accuracy_p95_m=0.011,
+        num_map_points=20_000,
     ),
     m.Event(**_AT, frame="", source="sim", severity=m.Severity.WARNING, text="q1 is 3.0: limits are -1.57 to 1.57"),
     m.ChannelCount(key="hyrecro/tf", num_received=5, num_missed=1, last_seq=6),

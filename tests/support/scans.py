@@ -27,6 +27,9 @@ from shared.robot.urdf import read_urdf
 from shared.runtime.config import CONFIGS_DIR, Config
 from shared.world.files import load_structure
 
+NUM_SCANS = 8
+"""Of the short recording that tests of offline commands share."""
+
 
 def climb(config: Config, trajectory: Path, num_rows: int, seconds_a_move: float) -> Iterator[tuple[LidarScan, SE3]]:
     """Each scan of the first rows of a trajectory, with T_world_lidar as it truly was."""

@@ -3,9 +3,9 @@ import pytest
 
 from services.sensors.depth.camera import DepthCamera, pinhole_of
 from services.sensors.depth.effect_kernels import match
-from services.sensors.depth.point_kernels import points_of
 from services.sensors.loading import warm_up
 from services.sensors.rays.camera_kernels import draw, finish
+from shared.depth_points import points_of
 from shared.errors import InputFileError, MessageError
 from shared.geometry import SE3
 from shared.messaging.messages import (

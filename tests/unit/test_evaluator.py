@@ -1,9 +1,12 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
 from services.evaluator.evaluator import Evaluator
+from shared.errors import InputFileError
 from shared.geometry import SE3
-from shared.messaging.messages import Odometry, TrackingMetrics, Transforms
+from shared.messaging.messages import Odometry, PointCloud, StructureDescription, TrackingMetrics, Transforms
 from shared.runtime.config import EvaluatorConfig
 
 T_WORLD_START = SE3.trans(1.0, 2.0, 10.0) @ SE3.rot("z", 0.3)
@@ -58,3 +61,85 @@ def test_what_finds_no_partner_is_forgotten():
         assert evaluator.add_transforms(truth(k)) == []
     assert evaluator.add_odometry(estimate(10)) == []
     assert evaluator.add_odometry(estimate(2990)) != []
+
+
+SLAB = '<robot name="s"><link name="world"><visual><geometry><box size="4 4 0.2"/></geometry></visual></link></robot>'
+
+
+def cloud(points_m):
+    return PointCloud(stamp_ns=0, seq=0, frame="map", points_m=points_m)
+
+
+def paired(evaluator, k, error_m=0.0, seq=None):
+    """What is said when truth and estimate of moment k have come."""
+    said = evaluator.add_transforms(truth(k))
+    odometry = estimate(k, error_m)
+    return said + evaluator.add_odometry(odometry if seq is None else dataclasses.replace(odometry, seq=seq))
+
+
+def test_drift_and_rotation_are_told():
+    evaluator = Evaluator(EvaluatorConfig(rate_hz=10.0))
+    paired(evaluator, 0)
+    (metrics,) = paired(evaluator, 1, error_m=0.004)
+    assert metrics.drift_m == pytest.approx(0.004)
+    assert metrics.rpe_rmse_rad == pytest.approx(0.0, abs=1e-9)
+    assert (metrics.map_accuracy_mean_m, metrics.num_map_points) == (None, None)
+
+
+def test_the_map_is_compared_with_the_structure_in_the_world():
+    evaluator = Evaluator(EvaluatorConfig(rate_hz=10.0))
+    evaluator.set_structure(StructureDescription(stamp_ns=0, seq=0, frame="world", urdf=SLAB))
+    x, y = np.random.default_rng(1).uniform(-1, 1, (2, 20_000))
+    in_world = np.column_stack([x, y, np.full(20_000, 0.107)])
+    T_world_map = T_WORLD_START @ SE3.trans(z_m=0.5)
+    evaluator.add_cloud(cloud(T_world_map.inv().apply(in_world)))
+    _, metrics = paired(evaluator, 0)
+    assert metrics.num_map_points == 20_000
+    assert metrics.map_accuracy_mean_m == pytest.approx(0.007, abs=1e-6)
+    assert metrics.map_accuracy_p95_m == pytest.approx(0.007, abs=1e-6)
+
+
+def test_a_map_without_points_has_no_accuracy():
+    evaluator = Evaluator(EvaluatorConfig())
+    evaluator.set_structure(StructureDescription(stamp_ns=0, seq=0, frame="world", urdf=SLAB))
+    evaluator.add_cloud(cloud(np.empty((0, 3))))
+    _, metrics = paired(evaluator, 0)
+    assert (metrics.map_accuracy_mean_m, metrics.num_map_points) == (None, 0)
+
+
+def test_a_structure_of_several_links_is_refused():
+    urdf = SLAB.replace("</robot>", '<link name="b"/><joint name="j" type="fixed"><parent link="world"/>')
+    urdf += '<child link="b"/></joint></robot>'
+    with pytest.raises(InputFileError, match="must be one link"):
+        Evaluator(EvaluatorConfig()).set_structure(StructureDescription(stamp_ns=0, seq=0, frame="world", urdf=urdf))
+
+
+def test_when_stamps_go_back_a_new_comparison_begins():
+    evaluator = Evaluator(EvaluatorConfig(rate_hz=10.0))
+    for k in range(5, 10):
+        paired(evaluator, k, error_m=0.01 * k)
+    link, metrics = paired(evaluator, 0)
+    assert (link.seq, metrics.num_poses) == (1, 1)
+    np.testing.assert_allclose(link.T_parent_child[0], (T_WORLD_START @ SE3.trans(z_m=0.5)).xyz_quat_xyzw, atol=1e-12)
+    assert metrics.ate_rmse_m == pytest.approx(0.0, abs=1e-12)
+
+
+def test_truth_of_before_is_forgotten_when_stamps_go_back():
+    evaluator = Evaluator(EvaluatorConfig())
+    evaluator.add_transforms(truth(7))
+    evaluator.add_transforms(truth(0))
+    assert evaluator.add_odometry(estimate(7)) == []
+    assert evaluator.add_transforms(truth(7)) != []
+
+
+def test_when_the_mapper_was_started_again_a_new_comparison_begins_without_its_map():
+    evaluator = Evaluator(EvaluatorConfig(rate_hz=10.0))
+    evaluator.add_cloud(cloud(np.zeros((3, 3))))
+    first = paired(evaluator, 0)[1]
+    paired(evaluator, 1)
+    assert paired(evaluator, 2, error_m=0.5)[0].num_poses == 3
+    link, metrics = paired(evaluator, 3, error_m=0.5, seq=0)
+    assert isinstance(link, Transforms)
+    assert metrics.num_poses == 1
+    assert (first.num_map_points, metrics.num_map_points) == (3, None)
+    assert paired(evaluator, 4, error_m=0.5, seq=1)[0].drift_m == pytest.approx(0.0, abs=1e-12)

@@ -1,6 +1,7 @@
 import numpy as np
 
-from services.mapper.keyframe_map import KeyframeMap
+from services.mapper.keyframe_map import KeyframeMap, LastScan
+from services.mapper.methods.gicp import Gicp
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
 
@@ -22,13 +23,13 @@ def with_new(share):
 
 
 def test_the_first_scan_is_the_map():
-    mapped = KeyframeMap(wall(), CONFIG)
-    assert mapped.points_m[:, 0].tolist() == [1.0] * len(mapped)
+    mapped = KeyframeMap(wall(), STAND, CONFIG, Gicp)
+    assert mapped.points_m[:, 0].tolist() == [1.0] * len(mapped.points_m)
     np.testing.assert_allclose(mapped.registration.distances(np.array([[0.5, 1.0, 1.0]])), [0.5], atol=0.01)
 
 
 def test_what_is_known_is_not_added_again():
-    mapped = KeyframeMap(wall(), CONFIG)
+    mapped = KeyframeMap(wall(), STAND, CONFIG, Gicp)
     before = mapped.points_m
     for k in range(20):
         mapped.add(wall(x_m=1.0 + 0.003 * k), STAND)
@@ -36,7 +37,7 @@ def test_what_is_known_is_not_added_again():
 
 
 def test_a_scan_that_shows_enough_is_added_where_it_was_taken():
-    mapped = KeyframeMap(wall(), CONFIG)
+    mapped = KeyframeMap(wall(), STAND, CONFIG, Gicp)
     T_map_lidar = SE3.trans(0.2, 0.0, 0.1) @ SE3.rot("z", 0.1)
     mapped.add(T_map_lidar.inv().apply(with_new(0.06)), T_map_lidar)
     assert np.abs(mapped.points_m[:, 0] - 0.5).min() < 1e-9
@@ -44,7 +45,7 @@ def test_a_scan_that_shows_enough_is_added_where_it_was_taken():
 
 
 def test_what_is_small_is_added_when_it_stays():
-    mapped = KeyframeMap(wall(), CONFIG)
+    mapped = KeyframeMap(wall(), STAND, CONFIG, Gicp)
     for _ in range(2):
         mapped.add(with_new(0.02), STAND)
     assert mapped.points_m[:, 0].min() == 1.0
@@ -53,7 +54,14 @@ def test_what_is_small_is_added_when_it_stays():
 
 
 def test_scans_are_registered_to_what_is_in_reach():
-    mapped = KeyframeMap(wall(), CONFIG)
+    mapped = KeyframeMap(wall(), STAND, CONFIG, Gicp)
     mapped.add(wall(), SE3.trans(x_m=20.0))
     assert mapped.points_m[:, 0].min() == 1.0
     assert mapped.registration.distances(wall()[:1])[0] > 19.0
+
+
+def test_the_last_scan_replaces_the_one_before():
+    last = LastScan(wall(), STAND, CONFIG, Gicp)
+    last.add(wall(x_m=2.0), SE3.trans(x_m=1.0))
+    np.testing.assert_allclose(last.points_m[:, 0], 3.0)
+    np.testing.assert_allclose(last.registration.distances(np.array([[1.0, 1.0, 1.0]])), [2.0], atol=0.01)

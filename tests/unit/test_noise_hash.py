@@ -3,8 +3,8 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from services.sensors.kernel import kernel
 from services.sensors.noise_hash import hash64, normal, uniform
+from shared.kernel import kernel
 
 NUM = 400_000
 

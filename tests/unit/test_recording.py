@@ -23,6 +23,7 @@ def recorded(tmp_path, *pairs):
 
 
 READABLE = ["tf", "lidar/points", "map/cloud", "map/odometry", "map/status", "health/*"]
+READABLE += ["joints/state", "leg/state", "lidar/imu", "depth/image", "depth/camera_info"]
 
 
 @pytest.mark.parametrize("key", READABLE)

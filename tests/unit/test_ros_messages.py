@@ -250,7 +250,15 @@ def test_own_types_copy_every_field():
     (metrics,) = [example for example in EXAMPLES if isinstance(example, m.TrackingMetrics)]
     ros = decoded(metrics)
     assert (ros.seq, ros.num_poses, ros.ate_rmse_m, ros.rpe_rmse_m) == (7, 3, 0.002, 0.001)
-    assert (ros.last_error_m, ros.last_error_rad) == (0.003, 0.001)
+    assert (ros.last_error_m, ros.last_error_rad, ros.rpe_rmse_rad, ros.drift_m) == (0.003, 0.001, 0.0005, 0.004)
+    assert (ros.map_accuracy_mean_m, ros.map_accuracy_p95_m, ros.num_map_points) == (0.005, 0.011, 20_000)
+
+
+def test_what_metrics_do_not_know_yet_is_nan():
+    known = {"num_poses": 1, "ate_rmse_m": 0.0, "rpe_rmse_m": 0.0, "last_error_m": 0.0, "last_error_rad": 0.0}
+    ros = decoded(m.TrackingMetrics(**AT, frame="map", **known))
+    assert np.isnan([ros.rpe_rmse_rad, ros.drift_m, ros.map_accuracy_mean_m, ros.map_accuracy_p95_m]).all()
+    assert ros.num_map_points == 0
 
 
 @pytest.mark.parametrize(

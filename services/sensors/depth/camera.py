@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from services.sensors.depth.effects import StereoEffects
 from services.sensors.depth.pinhole import Pinhole
-from services.sensors.depth.point_kernels import points_of
 from services.sensors.rays.backends import make_backend
 from services.sensors.rays.interface import NO_FACE, Hits
 from services.sensors.scene import Scene
 from services.sensors.surroundings import Schedule, Surroundings
+from shared.depth_points import points_of
 from shared.messaging.messages import (
     CameraInfo,
     DepthImage,

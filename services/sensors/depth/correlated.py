@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sensors.kernel import kernel
 from services.sensors.noise_hash import normal
+from shared.kernel import kernel
 
 Float32 = NDArray[np.float32]
 

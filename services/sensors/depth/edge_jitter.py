@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.sensors.depth.correlated import Float32, Spline, add_row
-from services.sensors.kernel import kernel
+from shared.kernel import kernel
 
 BLOCK_PX = 8
 MOST_SIGMAS = 4.0

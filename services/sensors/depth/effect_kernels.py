@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from services.sensors.depth.correlated import Float32, Spline, add_row, knot_rows
 from services.sensors.depth.edge_jitter import BLOCK_PX, displace_row, edge_blocks, jitter_row
 from services.sensors.depth.shadow import shade_row
-from services.sensors.kernel import kernel
 from services.sensors.noise_hash import hash64, normal_of, uniform
+from shared.kernel import kernel
 
 PIXEL_STREAM, DISPARITY_STREAM, RIGHT_STREAM, DOWN_STREAM, HOLE_STREAM = range(5)
 

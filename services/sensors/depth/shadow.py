@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.sensors.depth.correlated import Float32
-from services.sensors.kernel import kernel
+from shared.kernel import kernel
 
 _STEP_PX = np.float32(1.0)
 """A rise of the disparity by more than this from one pixel to the next is an outline. A surface rises by the baseline

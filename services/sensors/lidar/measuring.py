@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sensors.kernel import kernel
 from services.sensors.noise_hash import hash64, normal_of, uniform_of
+from shared.kernel import kernel
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sensors.kernel import kernel
+from shared.kernel import kernel
 
 Float = NDArray[np.float64]
 

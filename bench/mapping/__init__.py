@@ -1,0 +1,1 @@
+"""The mapper beside its peers: `python -m bench.mapping`."""

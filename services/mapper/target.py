@@ -1,0 +1,107 @@
+"""The map, and where scans are in it: begins with the first usable scan, or in a loaded map."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.mapper.matching import make_matcher
+from services.mapper.priors.interface import Step
+from services.mapper.registration import Points, RegistrationError, ScanMatcher
+from services.mapper.tracking import Track, Tracker
+from services.mapper.voxel_map import VoxelMap
+from shared.geometry import SE3
+from shared.runtime.config import MapperConfig
+
+_LOCALISER = "gicp"
+"""The method that finds the first scan in a loaded map; the configured one goes on from there."""
+
+
+class Target:
+    """What scans are aligned to, and the cloud of all that were believed.
+
+    loaded_map_m: points (N, 3) of a map in which the first scan is looked for, None to begin a new one.
+    """
+
+    def __init__(self, config: MapperConfig, loaded_map_m: NDArray[np.float64] | None = None) -> None:
+        self._config = config
+        self._loaded_map_m = loaded_map_m
+        self._tracker: Tracker | None = None
+        self._T_map_first = SE3.identity()
+        self._is_restarted = False
+        self.num_lost_scans = 0
+        self._begin_empty()
+        if loaded_map_m is not None:
+            self._voxels.insert(loaded_map_m)
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether there is a map."""
+        return self._tracker is not None
+
+    @property
+    def num_points(self) -> int:
+        """Of the map's cloud."""
+        return len(self._voxels)
+
+    @property
+    def points_m(self) -> NDArray[np.float64]:
+        """The map's cloud (N, 3), a point a voxel, in the map frame."""
+        return self._voxels.points_m
+
+    def restart(self) -> None:
+        """The next scan is where the map began, or else begins a new map."""
+        if self._tracker is not None:
+            self._tracker = Tracker(self._config, self.matcher, self._T_map_first)
+            self._is_restarted = True
+
+    def add_to_cloud(self, points_m: Points, track: Track) -> None:
+        """Takes a scan (N, 3) that was followed into the map's cloud, if it is believed."""
+        if track.is_tracking:
+            self._voxels.insert(track.T_map_sensor.apply(points_m))
+
+    def look(self, points_m: Points, step: Step) -> SE3 | None:
+        """Where a filtered scan (N, 3) seems to be in the map, without taking it in; None where it is not clear."""
+        if self._tracker is None or self._is_restarted:
+            return None
+        return self._tracker.look(points_m, step.T_last_now)
+
+    def follow(self, points_m: Points, step: Step) -> Track:
+        """Finds a filtered scan (N, 3), in the sensor's frame, and takes it into what further scans are aligned to."""
+        track = self._followed(points_m, step)
+        self.num_lost_scans += not track.is_tracking
+        return track
+
+    def _followed(self, points_m: Points, step: Step) -> Track:
+        is_restarted, self._is_restarted = self._is_restarted, False
+        if self._tracker is not None:
+            T_last_now = SE3.identity() if is_restarted else step.T_last_now
+            track = self._tracker.follow(points_m, T_last_now, is_measured=step.is_measured and not is_restarted)
+            if track.is_tracking or not is_restarted:
+                return track
+            self._begin_empty()
+        return self._first(points_m)
+
+    def _first(self, points_m: Points) -> Track:
+        try:
+            T_map_sensor = SE3.identity() if self._loaded_map_m is None else self._in_loaded_map(points_m)
+            self.matcher.start(points_m, T_map_sensor)
+        except RegistrationError:
+            return Track(SE3.identity(), False)
+        self._T_map_first = T_map_sensor
+        self._tracker = Tracker(self._config, self.matcher, T_map_sensor)
+        return Track(T_map_sensor, True)
+
+    def _in_loaded_map(self, points_m: Points) -> SE3:
+        finder = make_matcher(self._config.model_copy(update={"method": _LOCALISER}))
+        assert self._loaded_map_m is not None
+        finder.start(self._loaded_map_m, SE3.identity())
+        result = finder.localise(points_m)
+        if result is None or result.score < self._config.min_score:
+            raise RegistrationError("the scan was not found in the loaded map")
+        return result.T_map_lidar
+
+    def _begin_empty(self) -> None:
+        self._tracker = None
+        self.matcher: ScanMatcher = make_matcher(self._config)
+        self._voxels = VoxelMap(self._config.voxel_size_m, self._config.max_map_points)
