@@ -16,15 +16,11 @@ _MAX_OBSERVATIONS = 20
 class VoxelMap:
     """Points in the map frame, thinned to the mean of the first points of each voxel.
 
-    The origin is in the middle of a voxel: steel is often built, and the sensor often begins, at multiples of a voxel,
-    and a face on the border of two rows of voxels would be split by its noise into two rows of points.
-
     voxel_size_m: edge of a voxel. max_voxels: when so many are occupied, new places are no longer added.
     """
 
     def __init__(self, voxel_size_m: float, max_voxels: int) -> None:
         self._table = VoxelTable(voxel_size_m, max_voxels)
-        self._half_voxel_m = np.float32(0.5 * voxel_size_m)
         self._sums = np.zeros((1024, 3))
         self._counts = np.zeros(1024, dtype=np.int32)
 
@@ -43,7 +39,7 @@ class VoxelMap:
         Raises:
             ValueError: a point is too far from the origin to be numbered, see `VoxelTable`; nothing was added.
         """
-        rows = self._table.rows(points_m + self._half_voxel_m)
+        rows = self._table.rows(points_m)
         while len(self._table) > len(self._counts):
             self._sums = np.concatenate([self._sums, np.zeros_like(self._sums)])
             self._counts = np.concatenate([self._counts, np.zeros_like(self._counts)])

@@ -31,7 +31,7 @@ def test_a_voxel_has_one_point_and_a_point_one_voxel(points):
     assert len(voxel_centroids(points, 0.5)) == len(cells_of(points, 0.5))
     voxels = VoxelMap(0.5, max_voxels=1000)
     voxels.insert(points)
-    assert len(voxels) == len(cells_of(points + 0.25, 0.5))
+    assert len(voxels) == len(cells_of(points, 0.5))
 
 
 def test_points_too_far_to_number_are_refused():
@@ -63,13 +63,13 @@ def test_nothing_stays_nothing():
 
 def test_the_map_averages_until_a_voxel_is_settled():
     voxels = VoxelMap(1.0, max_voxels=10)
-    for value in (-0.3, -0.1):
-        voxels.insert(np.array([[value, 0.0, 0.0]]))
-    np.testing.assert_allclose(voxels.points_m, [[-0.2, 0.0, 0.0]])
-    voxels.insert(np.full((100, 3), 0.4))
-    np.testing.assert_allclose(voxels.points_m, [[(-0.4 + 18 * 0.4) / 20, 18 * 0.4 / 20, 18 * 0.4 / 20]])
+    for value in (0.2, 0.4):
+        voxels.insert(np.array([[value, 0.5, 0.5]]))
+    np.testing.assert_allclose(voxels.points_m, [[0.3, 0.5, 0.5]])
+    voxels.insert(np.full((100, 3), 0.9))
+    np.testing.assert_allclose(voxels.points_m, [[(0.6 + 18 * 0.9) / 20, (1.0 + 18 * 0.9) / 20, (1.0 + 18 * 0.9) / 20]])
     settled = voxels.points_m
-    voxels.insert(np.full((100, 3), -0.4))
+    voxels.insert(np.full((100, 3), 0.1))
     np.testing.assert_array_equal(voxels.points_m, settled)
 
 
