@@ -50,16 +50,21 @@ def map_(
     from cli.mapping import figures_of, map_scans
     from cli.playback import progress_bar
     from cli.scan_sources import scan_source
+    from shared.cloud_files import check_writable
     from shared.errors import HyrecroError
     from shared.runtime.exit_codes import Exit
 
-    overrides = list(set_ or [])
-    overrides += [f"mapper.method={method}"] if method else []
-    overrides += [f"mapper.scan_to={scan_to}"] if scan_to else []
-    overrides += [f"mapper.voxel_size_m={voxel}"] if voxel is not None else []
-    overrides += [f"mapper.max_range_m={range_}"] if range_ is not None else []
-    overrides += [f"mapper.crop_m=[{crop}]"] if crop else []
-    settings = resolved(config, overrides)
+    given_by_options = {
+        "method": method,
+        "scan_to": scan_to,
+        "voxel_size_m": voxel,
+        "max_range_m": range_,
+        "crop_m": f"[{crop}]" if crop else None,
+    }
+    overrides = [f"mapper.{name}={value}" for name, value in given_by_options.items() if value is not None]
+    settings = resolved(config, [*(set_ or []), *overrides])
+    if map_ is not None:
+        check_writable(map_)
     scans = scan_source(source, num, settings.mapper.input, period)
     problems: list[str] = []
 
@@ -75,14 +80,7 @@ def map_(
     given = None if prior is None else _given_prior(prior, scans.num_scans, period)
     with progress_bar() as progress, viewed(view, rrd) as show:
         task = progress.add_task("map", total=scans.num_scans)
-        run = map_scans(
-            settings,
-            scans,
-            prior=given,
-            is_refining=refine,
-            warn=warn,
-            on_scan=note,
-        )
+        run = map_scans(settings, scans, prior=given, is_refining=refine, warn=warn, on_scan=note)
     if not any(run.is_tracked):
         raise HyrecroError(f"{source}: none of {scans.num_scans} scans could be mapped")
     write_results(run, map_, trajectory)

@@ -75,6 +75,17 @@ def read_cloud(path: Path) -> Cloud:
         raise CloudFileError(f"{path}: {error}") from error
 
 
+def check_writable(path: Path) -> None:
+    """Tells before the work that a cloud cannot be written there.
+
+    Raises:
+        InputFileError: the suffix is unknown, or there is no such folder.
+    """
+    _by_suffix(_WRITERS, path, "written as")
+    if not path.parent.is_dir():
+        raise InputFileError(f"{path}: there is no folder {path.parent}")
+
+
 def write_cloud(path: Path, points_m: NDArray[np.floating], colours: Colours | None = None) -> None:
     """Writes points (N, 3), with colours (N, 3) red green blue where given, as .pcd (float32), .ply or .las.
 

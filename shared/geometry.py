@@ -129,7 +129,7 @@ class SE3:
         angle = float(np.linalg.norm(w))
         W = _skew(w)
         if angle < _SMALL_ANGLE_RAD:
-            return cls.projected(_homogeneous(np.eye(3) + W, v + 0.5 * W @ v))
+            return cls.projected(homogeneous(np.eye(3) + W, v + 0.5 * W @ v))
         half = 0.5 * angle
         a, b = np.sin(angle) / angle, 0.5 * (np.sin(half) / half) ** 2  # b = (1 - cos) / angle^2 without cancelling
         R = np.eye(3) + a * W + b * W @ W
@@ -153,7 +153,7 @@ class SE3:
     @property
     def matrix(self) -> Float:
         """Homogeneous (4, 4)."""
-        return _homogeneous(self.rotation, self.translation)
+        return homogeneous(self.rotation, self.translation)
 
     @property
     def quat_xyzw(self) -> Float:
@@ -223,7 +223,8 @@ def _skew(w: Float) -> Float:
     return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
 
 
-def _homogeneous(R: Float, t: Float) -> Float:
+def homogeneous(R: Float, t: Float) -> Float:
+    """(4, 4) of a rotation (3, 3), or what has drifted from one, and a translation (3,)."""
     M = np.eye(4)
     M[:3, :3] = R
     M[:3, 3] = t

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.mapper.registration import RegistrationResult
-from shared.geometry import SE3
+from shared.geometry import SE3, homogeneous
 
 AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 _MIN_SHARE = 0.01
@@ -52,7 +52,7 @@ def held(result: RegistrationResult, T_map_predicted: SE3) -> SE3:
     scaled = step / scale
     kept = (scaled - directions @ (directions.T @ scaled)) * scale
     turned = SE3.exp(np.concatenate([np.zeros(3), kept[3:]])).rotation @ predicted.rotation
-    return SE3.projected(_matrix(turned, predicted.translation + kept[:3]))
+    return SE3.projected(homogeneous(turned, predicted.translation + kept[:3]))
 
 
 def _open_directions(hessian: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -67,9 +67,3 @@ def _open_directions(hessian: NDArray[np.float64]) -> tuple[NDArray[np.float64],
     scale = np.repeat([1.0, np.sqrt(weight / rotation_weight)], 3)
     eigenvalues, eigenvectors = np.linalg.eigh(hessian * np.outer(scale, scale))
     return eigenvectors[:, eigenvalues < _MIN_SHARE * weight], scale
-
-
-def _matrix(rotation: NDArray[np.float64], translation: NDArray[np.float64]) -> NDArray[np.float64]:
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation, translation
-    return matrix

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from services.mapper.degeneracy import covariance
 from services.mapper.filters import ScanFilter
-from services.mapper.motion_model import MotionModel
+from services.mapper.motion_model import TREND, MotionModel
 from services.mapper.plane_map import plane_map
 from services.mapper.priors.interface import Prior, Step
 from services.mapper.reports import Reports
@@ -194,7 +194,7 @@ class Mapper:
     def _is_bent_otherwise(self, scan: LidarScan, points_m: Points, taken_ns: int) -> bool:
         """Whether a scan that was straightened by a mere trend shows that the sensor moved otherwise."""
         step = self._motion.step(taken_ns)
-        if step.is_measured:
+        if step.prior != TREND:
             return False
         found = self._target.look(self._filter.filtered(points_m).points_m, step)
         return found is not None and self._motion.suppose(taken_ns, found, 2 * (taken_ns - scan.stamp_ns))

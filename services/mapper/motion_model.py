@@ -72,7 +72,7 @@ class MotionModel:
         """Before each scan: when it begins and in which frame it is; time that goes back begins anew."""
         if self._last_ns is not None and stamp_ns < self._last_ns:
             self._last_ns = None
-            self._slip = SlipWatch(self._config.max_leg_error_m, float(np.deg2rad(self._config.max_leg_error_deg)))
+            self._slip.forget()
             self._trend = self._priors[TREND] = ConstantVelocity()
         if frame == self._frame:
             return []

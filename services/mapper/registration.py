@@ -85,10 +85,12 @@ class Registration(Protocol):
 class Surface:
     """A plane of the target, in the map frame. plane (4,): unit normal towards the side it was seen from, then offset.
 
-    id: stays the same while the surface is refined. outline_m (K, 3): corners of the part that was seen.
+    id: stays the same while the surface is refined. outline_m (K, 3): corners of the part that was seen,
+    counter-clockwise seen from that side. patch_ids (P,): the patches it is joined of.
     """
 
     id: int
+    patch_ids: NDArray[np.int64]
     plane: NDArray[np.float64]
     num_points: int
     outline_m: NDArray[np.float64]

@@ -31,8 +31,6 @@ class Target:
         self._is_restarted = False
         self.num_lost_scans = 0
         self._begin_empty()
-        if loaded_map_m is not None:
-            self._voxels.insert(loaded_map_m)
 
     @property
     def has_begun(self) -> bool:
@@ -97,7 +95,7 @@ class Target:
         assert self._loaded_map_m is not None
         finder.start(self._loaded_map_m, SE3.identity())
         result = finder.localise(points_m)
-        if result is None or result.score < self._config.min_score:
+        if result is None or result.is_suspect or result.score < self._config.min_score:
             raise RegistrationError("the scan was not found in the loaded map")
         return result.T_map_lidar
 
@@ -105,3 +103,5 @@ class Target:
         self._tracker = None
         self.matcher: ScanMatcher = make_matcher(self._config)
         self._voxels = VoxelMap(self._config.voxel_size_m, self._config.max_map_points)
+        if self._loaded_map_m is not None:
+            self._voxels.insert(self._loaded_map_m)

@@ -14,7 +14,7 @@ from shared.runtime.config import MapperConfig
 _MAX_WIDENINGS = 3
 """What is searched and believed doubles with each lost scan, so often at most."""
 _MEASURED = 0.25
-"""Of what is searched and believed without a measurement of the motion; legs and IMUs are wrong by centimetres."""
+"""Of what is searched and believed without a measurement of the motion; legs are wrong by centimetres."""
 _JUST_THERE_M, _JUST_THERE_RAD = 0.03, 0.035
 """What a measured step may be wrong by and still tell two places apart: slips along weak directions are 4-12 cm."""
 _SEEMING = 0.5

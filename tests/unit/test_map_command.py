@@ -147,6 +147,7 @@ def test_where_no_cloud_can_be_used_there_is_one_error(hyrecro, folder, spoil):
         (("scans", "--crop=1,2"), "mapper.crop_m"),
         (("scans", "--voxel", "0"), "mapper.voxel_size_m"),
         (("scans", "--map", "m.stl"), "m.stl"),
+        (("scans", "--map", "nowhere/m.pcd"), "nowhere/m.pcd: there is no folder nowhere"),
     ],
 )
 def test_wrong_usage_is_told_before_work_begins(hyrecro, folder, words, text):

@@ -103,8 +103,7 @@ class PlaneMatcher:
         """Patches that touch and lie in one plane are one surface, whose id is the lowest of theirs."""
         if self._map is None:
             return []
-        found = outlines.surfaces(self.patches)
-        return [Surface(each.id, each.plane, each.num_points, each.outline_m) for each in found]
+        return outlines.surfaces(self.patches)
 
     def start(self, points_lidar_m: Points, T_map_lidar: SE3) -> None:
         """Begins an empty map with this scan, which is where it is said to be.

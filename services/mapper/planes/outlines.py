@@ -5,12 +5,11 @@ A patch counts as the rectangle that has its moments: of even density, half as l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from services.mapper.planes.patches import Patches
+from services.mapper.registration import Surface
 
 Float = NDArray[np.float64]
 
@@ -20,24 +19,8 @@ _TOUCHING_M = 0.15
 """Between patches of one face there may be an edge's width that is left out on either side."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Surface:
-    """A flat surface in the map frame.
-
-    id: the lowest of its patches', and so kept while that patch lives. patch_ids (K,): all of them. plane (4,):
-    n.x + d = 0, n points to the side it was seen from. num_points: that were seen on it. outline_m (C, 3): the corners
-    of its convex outline, counter-clockwise where n points to the viewer.
-    """
-
-    id: int
-    patch_ids: NDArray[np.int64]
-    plane: Float
-    num_points: int
-    outline_m: Float
-
-
 def surfaces(patches: Patches) -> list[Surface]:
-    """The patches that have points as surfaces, by id."""
+    """The patches that have points as surfaces, by id: the lowest of their patches', kept while that patch lives."""
     axes, halves_m = _rectangles(patches)
     groups = _touching(patches, axes, halves_m)
     return [

@@ -11,7 +11,7 @@ from bisect import bisect_left
 import numpy as np
 
 from services.mapper.priors.interface import step_of
-from shared.geometry import SE3, Float
+from shared.geometry import SE3, Float, homogeneous
 from shared.messaging.messages import Imu
 from shared.motion import Motion
 
@@ -55,7 +55,7 @@ class Inertial:
         for before_ns, stamp_ns in zip([start_ns, *stamps_ns], stamps_ns, strict=False):
             rotation = rotation @ self._turn(before_ns, stamp_ns)
             shift_m = self._velocity_mps @ R_map_start * ((stamp_ns - start_ns) * 1e-9)
-            poses.append(SE3.projected(_homogeneous(rotation, shift_m)).xyz_quat_xyzw)
+            poses.append(SE3.projected(homogeneous(rotation, shift_m)).xyz_quat_xyzw)
         return Motion(stamps_ns, np.array(poses)[:, np.newaxis])
 
     def step(self, start_ns: int, end_ns: int) -> SE3 | None:
@@ -72,7 +72,7 @@ class Inertial:
             elapsed_s = (stamp_ns - before_ns) * 1e-9
             self._velocity_mps = (T_map_sensor.translation - before.translation) / elapsed_s
             if self._covers(before_ns, stamp_ns):
-                turned = SE3.projected(_homogeneous(self._turn(before_ns, stamp_ns), np.zeros(3)))
+                turned = SE3.projected(homogeneous(self._turn(before_ns, stamp_ns), np.zeros(3)))
                 true = SE3(before.rotation.T @ T_map_sensor.rotation, np.zeros(3))
                 self._bias_radps = self._bias_radps + _BIAS_GAIN * (true.inv() @ turned).log()[3:] / elapsed_s
         self._found = (stamp_ns, T_map_sensor)
@@ -93,9 +93,3 @@ class Inertial:
                 turn = (rate - self._bias_radps) * (duration_ns * 1e-9)
                 rotation = rotation @ SE3.exp(np.concatenate([np.zeros(3), turn])).rotation
         return rotation
-
-
-def _homogeneous(rotation: Float, translation: Float) -> Float:
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation, translation
-    return matrix
