@@ -124,31 +124,27 @@ class SE3:
     @classmethod
     def exp(cls, twist: ArrayLike) -> SE3:
         """Exponential of the twist (6,): translation part v first, rotation part w second (radians)."""
-        xi = np.asarray(twist, dtype=np.float64)
-        v, w = xi[:3], xi[3:]
-        angle = float(np.linalg.norm(w))
-        W = _skew(w)
-        if angle < _SMALL_ANGLE_RAD:
-            return cls.projected(homogeneous(np.eye(3) + W, v + 0.5 * W @ v))
-        half = 0.5 * angle
-        a, b = np.sin(angle) / angle, 0.5 * (np.sin(half) / half) ** 2  # b = (1 - cos) / angle^2 without cancelling
-        R = np.eye(3) + a * W + b * W @ W
-        V = np.eye(3) + b * W + (1 - a) / angle**2 * W @ W
-        return cls(R, V @ v)
+        vx, vy, vz, x, y, z = np.asarray(twist, dtype=np.float64).tolist()
+        angle = math.sqrt(x * x + y * y + z * z)
+        a, b, c = _coefficients(angle)
+        R = _plus_skew(a, b, x, y, z)
+        V = _plus_skew(b, c, x, y, z)
+        t = [row[0] * vx + row[1] * vy + row[2] * vz for row in V]
+        return cls(np.array(R), np.array(t))
 
     def log(self) -> Float:
         """Twist (6,) = (v, w) with exp(log(T)) = T; the rotation angle is in [0, pi]."""
-        q = self.quat_xyzw
-        norm = float(np.linalg.norm(q[:3]))
-        angle = 2.0 * float(np.arctan2(norm, q[3]))
-        w = 2.0 * q[:3] if norm < _SMALL_ANGLE_RAD else q[:3] / norm * angle
-        W = _skew(w)
-        if angle < 1e-4:  # series of the inverse left Jacobian: the closed form cancels here
-            V_inv = np.eye(3) - 0.5 * W + W @ W / 12.0
-        else:
-            half = 0.5 * angle
-            V_inv = np.eye(3) - 0.5 * W + (1 - half / np.tan(half)) / angle**2 * W @ W
-        return np.concatenate([V_inv @ self.translation, w])
+        x, y, z, w = self.quat_xyzw.tolist()
+        norm = math.sqrt(x * x + y * y + z * z)
+        angle = 2.0 * math.atan2(norm, w)
+        scale = 2.0 if norm < _SMALL_ANGLE_RAD else angle / norm
+        x, y, z = x * scale, y * scale, z * scale
+        # The inverse left Jacobian; its closed form cancels where the angle is small.
+        half = 0.5 * angle
+        c = 1.0 / 12.0 if angle < 1e-4 else (1.0 - half / math.tan(half)) / angle**2
+        tx, ty, tz = self.translation.tolist()
+        v = [row[0] * tx + row[1] * ty + row[2] * tz for row in _plus_skew(-0.5, c, x, y, z)]
+        return np.array([*v, x, y, z])
 
     @property
     def matrix(self) -> Float:
@@ -158,19 +154,19 @@ class SE3:
     @property
     def quat_xyzw(self) -> Float:
         """Unit quaternion (4,) x y z w with w >= 0 (Shepperd 1978)."""
-        R = self.rotation
-        squares = np.array([R[0, 0], R[1, 1], R[2, 2], np.trace(R)])
-        k = int(np.argmax(squares))
-        if k == 3:
-            q = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 1 + squares[3]])
-        else:
+        rows = self.rotation.tolist()
+        squares = [rows[0][0], rows[1][1], rows[2][2]]
+        trace = sum(squares)
+        k = squares.index(max(squares))
+        q = [rows[2][1] - rows[1][2], rows[0][2] - rows[2][0], rows[1][0] - rows[0][1], 1.0 + trace]
+        if squares[k] > trace:
             i, j = (k + 1) % 3, (k + 2) % 3
-            q = np.empty(4)
-            q[k] = 1 + 2 * R[k, k] - squares[3]
-            q[i], q[j] = R[i, k] + R[k, i], R[j, k] + R[k, j]
-            q[3] = R[j, i] - R[i, j]
-        q /= np.linalg.norm(q)
-        return -q if q[3] < 0 else q
+            q[3] = q[k]
+            q[k] = 1.0 + 2.0 * squares[k] - trace
+            q[i], q[j] = rows[i][k] + rows[k][i], rows[j][k] + rows[k][j]
+        length = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+        length = -length if q[3] < 0.0 else length
+        return np.array([q[0] / length, q[1] / length, q[2] / length, q[3] / length])
 
     @property
     def xyz_quat_xyzw(self) -> Float:
@@ -219,8 +215,24 @@ def _is_rotation(rows: list[list[float]]) -> bool:
     return is_orthonormal and a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) > 0.0
 
 
-def _skew(w: Float) -> Float:
-    return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+def _coefficients(angle_rad: float) -> tuple[float, float, float]:
+    """sin(a) / a, (1 - cos(a)) / a^2, (a - sin(a)) / a^3, also where a is small."""
+    if angle_rad < 1e-4:
+        square = angle_rad * angle_rad
+        return 1.0 - square / 6.0, 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
+    half = 0.5 * angle_rad
+    a, b = math.sin(angle_rad) / angle_rad, 0.5 * (math.sin(half) / half) ** 2  # without cancelling
+    return a, b, (1.0 - a) / (angle_rad * angle_rad)
+
+
+def _plus_skew(a: float, b: float, x: float, y: float, z: float) -> list[list[float]]:
+    """Rows of I + a W + b W W, with W the cross product's matrix of (x, y, z)."""
+    xx, yy, zz = x * x, y * y, z * z
+    return [
+        [1.0 - b * (yy + zz), b * x * y - a * z, b * x * z + a * y],
+        [b * x * y + a * z, 1.0 - b * (xx + zz), b * y * z - a * x],
+        [b * x * z - a * y, b * y * z + a * x, 1.0 - b * (xx + yy)],
+    ]
 
 
 def homogeneous(R: Float, t: Float) -> Float:

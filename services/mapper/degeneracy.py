@@ -64,6 +64,18 @@ def _open_directions(hessian: NDArray[np.float64]) -> tuple[NDArray[np.float64],
     weight, rotation_weight = np.trace(hessian[:3, :3]), np.trace(hessian[3:, 3:])
     if not (weight > 0 and rotation_weight > 0):
         return np.eye(6), np.ones(6)
-    scale = np.repeat([1.0, np.sqrt(weight / rotation_weight)], 3)
-    eigenvalues, eigenvectors = np.linalg.eigh(hessian * np.outer(scale, scale))
+    scale = np.ones(6)
+    scale[3:] = np.sqrt(weight / rotation_weight)
+    scaled = hessian * scale * scale[:, np.newaxis]
+    if _is_positive_definite(scaled - _MIN_SHARE * weight * np.eye(6)):  # as most are, and sooner told
+        return np.empty((6, 0)), scale
+    eigenvalues, eigenvectors = np.linalg.eigh(scaled)
     return eigenvectors[:, eigenvalues < _MIN_SHARE * weight], scale
+
+
+def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True

@@ -56,8 +56,9 @@ class ScanFilter:
         points_m = np.ascontiguousarray(points_lidar_m)
         mask = np.zeros(0, dtype=np.bool_) if is_body is None else np.ascontiguousarray(is_body)
         verdicts = np.empty(len(points_m), dtype=np.uint8)
-        _judge(points_m, mask, config.min_range_m**2, config.max_range_m**2, self._box_m, verdicts)
-        kept_m = np.take(points_m, np.flatnonzero(verdicts == Verdict.KEPT), axis=0)
+        kept_m = np.empty_like(points_m)
+        num = _judge(points_m, mask, config.min_range_m**2, config.max_range_m**2, self._box_m, verdicts, kept_m)
+        kept_m = kept_m[:num]
         if config.num_outlier_neighbours:
             is_outlier = outliers(kept_m, config.num_outlier_neighbours, config.outlier_deviations, config.num_threads)
             verdicts[np.flatnonzero(verdicts == Verdict.KEPT)[is_outlier]] = Verdict.OUTLIER
@@ -90,8 +91,10 @@ def _judge(
     max_square_m2: float,
     box_m: NDArray[np.float64],
     verdicts: NDArray[np.uint8],
-) -> None:
-    """Fills in the verdicts; an empty `is_body` is that of no point."""
+    kept: Points,
+) -> int:
+    """Fills in the verdicts and the points kept, and returns their number; an empty `is_body` is that of no point."""
+    num = 0
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         square_m2 = x * x + y * y + z * z
@@ -101,8 +104,13 @@ def _judge(
             verdicts[i] = _OUT_OF_RANGE
         elif not _is_inside(x, y, z, box_m):
             verdicts[i] = _OUT_OF_BOX
+        elif len(is_body) and is_body[i]:
+            verdicts[i] = _ON_BODY
         else:
-            verdicts[i] = _ON_BODY if len(is_body) and is_body[i] else 0
+            verdicts[i] = 0
+            kept[num, 0], kept[num, 1], kept[num, 2] = x, y, z
+            num += 1
+    return num
 
 
 @lean_kernel()

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.mapper.planes.association import Association, associate, associate_wide
-from services.mapper.planes.gauss_newton import gauss_newton
+from services.mapper.planes.gauss_newton import gauss_newton, orthonormalise
 from services.mapper.planes.patches import PatchArrays
 from services.mapper.planes.runs import Runs
 from services.mapper.planes.voxel_table import VoxelTable
@@ -74,7 +74,10 @@ def approach(runs: Runs, T: Float, target: Target, gate_m: float, stride: int, f
 
 @kernel()
 def finish(runs: Runs, T: Float, target: Target, found: Association) -> tuple[Counts, float]:
-    """Moves T (3, 4), which is near, by all runs with the patches free; returns the last step in metres, radians."""
+    """Moves T (3, 4), which is near, by all runs with the patches free; returns the last step in metres, radians.
+
+    The rotation does not drift from scan to scan.
+    """
     explained, contradicted, num = associate(runs, 1, T, target.narrow, target.patches.planes, found)
     step, num_steps = 1.0, 0
     for _ in range(_LAST_STEPS):
@@ -82,4 +85,5 @@ def finish(runs: Runs, T: Float, target: Target, found: Association) -> tuple[Co
         step = gauss_newton(T, found, target.patches, 5, True, 0.0)
         if step < 2e-6:
             break
+    orthonormalise(T)
     return Counts(explained, contradicted, num, num_steps), step

@@ -25,8 +25,13 @@ CONTRADICTED = -3
 REASSOCIATED = {"contract", "arcp", "nsz", "reassoc"}
 """Sums may be reordered and fused; infinities and NaN keep their meaning."""
 
-_EDGE_M = 0.035
-"""Nearer than this (and the noise) to two patches, a run may belong to either."""
+_NEAR_M = 0.035
+"""A run that is on no patch, but nearer than this (and the noise) to one, contradicts it."""
+_SAME_COSINE = 0.985
+_SAME_OFFSET_M, _SAME_SIGMAS = 0.006, 0.5
+"""Patches whose planes differ by less at a run go on in one plane there; noise leaves young patches less alike."""
+_SPREADS = 2.0
+"""Of a run's points, evenly spread ones reach 1.7 standard deviations from their mean."""
 _MIN_COSINE = 0.1
 """Beyond 84 degrees of incidence the footprint smears over the edge of a bar."""
 _LEAST_COSINE = 0.3
@@ -80,6 +85,12 @@ def _add(out: Association, patch: int, M: Float, num_points: int, weight: float)
 
 
 @lean_kernel(fastmath=REASSOCIATED)
+def _offset(plane: Float, p: tuple[float, float, float]) -> float:
+    """Of a point from a plane (4,), in metres, to the side of its normal."""
+    return float(plane[0] * p[0] + plane[1] * p[1] + plane[2] * p[2] + plane[3])
+
+
+@lean_kernel(fastmath=REASSOCIATED)
 def _seek(
     entries: NDArray[np.int32],
     planes: Float,
@@ -89,24 +100,42 @@ def _seek(
     slope: float,
     gate_m: float,
     is_wide: bool,
-) -> tuple[int, float, float]:
-    """The nearest patch within the gate that faces the sensor and may hold the run; its distance, the next one's."""
-    best, best_m, next_m = -1, gate_m, _FAR_M
+) -> tuple[int, float]:
+    """The nearest patch within the gate that faces the sensor and may hold the run, or -1; its distance."""
+    best, best_m = -1, gate_m
     for k in range(len(entries)):
         if entries[k] < 0:
             break
         j = entries[k] >> 1
-        a, b, c, d = planes[j, 0], planes[j, 1], planes[j, 2], planes[j, 3]
-        distance_m = abs(a * p[0] + b * p[1] + c * p[2] + d)
+        a, b, c = planes[j, 0], planes[j, 1], planes[j, 2]
+        distance_m = abs(_offset(planes[j], p))
         is_facing = a * ray[0] + b * ray[1] + c * ray[2] < 0.0
         is_along = abs(a * along[0] + b * along[1] + c * along[2]) < slope
         if distance_m < best_m and is_facing and is_along and (is_wide or entries[k] & 1):
-            if best >= 0:
-                next_m = min(next_m, best_m)
             best, best_m = j, distance_m
-        else:
-            next_m = min(next_m, distance_m)
-    return best, best_m, next_m
+    return best, best_m
+
+
+@lean_kernel(fastmath=REASSOCIATED)
+def _next(
+    entries: NDArray[np.int32], planes: Float, p: tuple[float, float, float], best: int, same_m: float
+) -> tuple[int, float]:
+    """The nearest patch but the best and what goes on in its plane within `same_m`, or -1; its distance."""
+    nearest, nearest_m = -1, _FAR_M
+    for k in range(len(entries)):
+        if entries[k] < 0:
+            break
+        j = entries[k] >> 1
+        offset_m = _offset(planes[j], p)
+        if j == best or abs(offset_m) >= nearest_m:
+            continue
+        if best >= 0:
+            n, m = planes[best], planes[j]
+            is_parallel = n[0] * m[0] + n[1] * m[1] + n[2] * m[2] > _SAME_COSINE
+            if is_parallel and abs(offset_m - _offset(planes[best], p)) < same_m:
+                continue
+        nearest, nearest_m = j, abs(offset_m)
+    return nearest, nearest_m
 
 
 @lean_kernel(fastmath=REASSOCIATED)
@@ -127,17 +156,33 @@ def _cosine(plane: Float, ray: tuple[float, float, float]) -> float:
 
 
 @lean_kernel(fastmath=REASSOCIATED)
+def _squares(M: Float, T: Float, plane: Float) -> float:
+    """The sum of squared distances of a run's points, whose moments are M (10,), from a plane of the map."""
+    a0 = T[0, 0] * plane[0] + T[1, 0] * plane[1] + T[2, 0] * plane[2]
+    a1 = T[0, 1] * plane[0] + T[1, 1] * plane[1] + T[2, 1] * plane[2]
+    a2 = T[0, 2] * plane[0] + T[1, 2] * plane[1] + T[2, 2] * plane[2]
+    a3 = T[0, 3] * plane[0] + T[1, 3] * plane[1] + T[2, 3] * plane[2] + plane[3]
+    return float(squares_to(M, a0, a1, a2, a3))
+
+
+@lean_kernel(fastmath=REASSOCIATED)
 def _is_scattered(M: Float, T: Float, plane: Float, sigma_m: float, cosine: float) -> bool:
     """Whether the points of a run lie farther off the plane than three standard deviations of what noise does."""
     k = M[9]
     if k < 3.0:
         return False
-    a0 = T[0, 0] * plane[0] + T[1, 0] * plane[1] + T[2, 0] * plane[2]
-    a1 = T[0, 1] * plane[0] + T[1, 1] * plane[1] + T[2, 1] * plane[2]
-    a2 = T[0, 2] * plane[0] + T[1, 2] * plane[1] + T[2, 2] * plane[2]
-    a3 = T[0, 3] * plane[0] + T[1, 3] * plane[1] + T[2, 3] * plane[2] + plane[3]
     usual = k * sigma_m * sigma_m * (cosine * cosine + 0.05)
-    return bool(squares_to(M, a0, a1, a2, a3) > usual * (1.0 + 3.0 * math.sqrt(2.0 / k)))
+    return _squares(M, T, plane) > usual * (1.0 + 3.0 * math.sqrt(2.0 / k))
+
+
+@lean_kernel(fastmath=REASSOCIATED)
+def _reaches(M: Float, T: Float, plane: Float, distance_m: float, across_m: float) -> bool:
+    """Whether some points of a run, which is so far from a plane, may lie on it.
+
+    across_m: noise across the plane.
+    """
+    spread_m2 = max(_squares(M, T, plane) / M[9] - distance_m * distance_m, 0.0)
+    return bool(distance_m < _SPREADS * math.sqrt(spread_m2 + across_m * across_m))
 
 
 @lean_kernel(fastmath=REASSOCIATED)
@@ -147,7 +192,7 @@ def seek_wide(runs: Runs, i: int, T: Float, table: VoxelTable, planes: Float, ga
     p = (ray[0] + T[0, 3], ray[1] + T[1, 3], ray[2] + T[2, 3])
     entries = table.lists[slot_at(table, p[0], p[1], p[2])]
     slope = 0.25 + 3.0 * runs.slopes[i]
-    j, distance_m, _ = _seek(entries, planes, p, ray, _turn(T, runs.directions[i]), slope, gate_m, True)
+    j, distance_m = _seek(entries, planes, p, ray, _turn(T, runs.directions[i]), slope, gate_m, True)
     if j >= 0 and _cosine(planes[j], ray) < _MIN_COSINE:
         j = -1
     return j, distance_m
@@ -187,17 +232,20 @@ def associate(
         p = (ray[0] + T[0, 3], ray[1] + T[1, 3], ray[2] + T[2, 3])
         entries = table.lists[slot_at(table, p[0], p[1], p[2])]
         slope, gate_m = 0.25 + 3.0 * runs.slopes[i], sigma_m * (0.7 + 2.4 / math.sqrt(k))
-        j, _, next_m = _seek(entries, planes, p, ray, _turn(T, runs.directions[i]), slope, gate_m, False)
+        j, _ = _seek(entries, planes, p, ray, _turn(T, runs.directions[i]), slope, gate_m, False)
+        other, other_m = _next(entries, planes, p, j, _SAME_OFFSET_M + _SAME_SIGMAS * sigma_m)
         if j < 0:
-            is_near = next_m < _EDGE_M + sigma_m
+            is_near = other_m < _NEAR_M + sigma_m
             out.assigned[i] = CONTRADICTED if is_near else UNEXPLAINED
             contradicted += k if is_near else 0
             continue
         out.assigned[i] = AMBIGUOUS
         cosine = _cosine(planes[j], ray)
-        if next_m < _EDGE_M + sigma_m or cosine < _MIN_COSINE:
+        if cosine < _MIN_COSINE or _is_scattered(runs.moments[i], T, planes[j], sigma_m, cosine):
             continue
-        if _is_scattered(runs.moments[i], T, planes[j], sigma_m, cosine):
+        if other >= 0 and _reaches(
+            runs.moments[i], T, planes[other], other_m, sigma_m * abs(_cosine(planes[other], ray))
+        ):
             continue
         out.assigned[i] = j
         explained += k

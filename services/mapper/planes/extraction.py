@@ -182,6 +182,32 @@ def _regions(cloud: Cloud, seeds: Int, labels: Int, planes: Float) -> int:
     return num
 
 
+@kernel()
+def _by_voxel(runs: Runs, chosen: Int, T: Float, inverse_m: float) -> tuple[Cloud, Int]:
+    """The chosen runs by voxel, and the order that brings them there."""
+    centroids_m, moments, keys = _level(runs, chosen, T, inverse_m)
+    order = np.argsort(keys, kind="mergesort")
+    voxels, starts, num = np.empty(len(keys), np.int64), np.empty(len(keys) + 1, np.int64), 0
+    for i in range(len(order)):
+        if i == 0 or keys[order[i]] != voxels[num - 1]:
+            voxels[num], starts[num] = keys[order[i]], i
+            num += 1
+    starts[num] = len(order)
+    sigma_m = runs.sigma_m[chosen][order]
+    return Cloud(centroids_m[order], moments[order], sigma_m, voxels[:num], starts[: num + 1], inverse_m), order
+
+
+@kernel()
+def _seeds(cloud: Cloud) -> Int:
+    """The voxels with enough points to begin with, those with the most first."""
+    num_points = np.zeros(len(cloud.keys))
+    for v in range(len(cloud.keys)):
+        for i in range(cloud.starts[v], cloud.starts[v + 1]):
+            num_points[v] += cloud.moments[i, 9]
+    order = np.argsort(-num_points, kind="mergesort")
+    return order[num_points[order] >= _MIN_SEED_POINTS]
+
+
 def extract_planes(runs: Runs, chosen: Int, T_map_lidar: Float, voxel_m: float, max_planes: int) -> tuple[Float, Int]:
     """Pieces of plane among the chosen runs (S,) of a scan at a pose (3, 4).
 
@@ -192,21 +218,9 @@ def extract_planes(runs: Runs, chosen: Int, T_map_lidar: Float, voxel_m: float, 
     labels = np.full(len(chosen), -1, dtype=np.int64)
     if not len(chosen):
         return planes[:0], labels
-    centroids_m, moments, keys = _level(runs, chosen, T_map_lidar, 1.0 / voxel_m)
-    order = np.argsort(keys, kind="stable")
-    voxels, starts = np.unique(keys[order], return_index=True)
-    cloud = Cloud(
-        centroids_m[order],
-        moments[order],
-        runs.sigma_m[chosen][order],
-        voxels,
-        np.append(starts, len(keys)),
-        1 / voxel_m,
-    )
-    num_points = np.add.reduceat(cloud.moments[:, 9], starts)
-    seeds = np.argsort(-num_points, kind="stable")
+    cloud, order = _by_voxel(runs, chosen, T_map_lidar, 1.0 / voxel_m)
     sorted_labels = labels.copy()
-    num = _regions(cloud, seeds[num_points[seeds] >= _MIN_SEED_POINTS], sorted_labels, planes)
+    num = _regions(cloud, _seeds(cloud), sorted_labels, planes)
     labels[order] = sorted_labels
     planes = planes[:num]
     planes[:, 3] -= planes[:, :3] @ T_map_lidar[:, 3]

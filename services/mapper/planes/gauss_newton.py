@@ -150,6 +150,24 @@ def step_pose(T: Float, x: Float) -> None:
         T[i, 2] = r0 * (a * v + b * u * w) + r1 * (-a * u + b * v * w) + r2 * (1.0 - b * (u * u + v * v))
 
 
+@lean_kernel()
+def orthonormalise(T: Float) -> None:
+    """The rotation in T (3, 4), nearly one, becomes the nearest one (a step of Newton's for the polar factor)."""
+    c00, c11, c22 = _dot(T, 0, 0), _dot(T, 1, 1), _dot(T, 2, 2)
+    c01, c02, c12 = _dot(T, 0, 1), _dot(T, 0, 2), _dot(T, 1, 2)
+    for i in range(3):
+        a, b, c = T[i, 0], T[i, 1], T[i, 2]
+        T[i, 0] = 1.5 * a - 0.5 * (a * c00 + b * c01 + c * c02)
+        T[i, 1] = 1.5 * b - 0.5 * (a * c01 + b * c11 + c * c12)
+        T[i, 2] = 1.5 * c - 0.5 * (a * c02 + b * c12 + c * c22)
+
+
+@lean_kernel()
+def _dot(T: Float, p: int, q: int) -> float:
+    """Of two columns of T (3, 4)."""
+    return float(T[0, p] * T[0, q] + T[1, p] * T[1, q] + T[2, p] * T[2, q])
+
+
 @kernel()
 def _take_step(N: Float, damping: float, T: Float) -> float:
     """Solves the sum N (10, 10) for the pose and moves it; returns the largest part of the step."""

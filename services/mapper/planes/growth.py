@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from contextlib import suppress
 
@@ -17,7 +18,7 @@ from services.mapper.planes.patches import PatchArrays, PatchMap
 from services.mapper.planes.runs import Runs, cut_runs
 from services.mapper.planes.voxel_table import VoxelTable, put_about, put_around, slot_at
 from services.mapper.registration import Points, RegistrationError
-from shared.kernel import kernel
+from shared.kernel import kernel, lean_kernel
 from shared.runtime.config import MapperConfig
 
 Float = NDArray[np.float64]
@@ -98,7 +99,7 @@ def add_new_patches(patch_map: PatchMap, runs: Runs, T_map_lidar: Float, assigne
     indices = np.full(len(planes), -1)
     for k, plane in enumerate(planes):
         centre_m = points_m[labels == k].mean(axis=0)
-        same = _same_patch(patch_map, plane, centre_m)
+        same = _same_patch(patch_map.arrays, patch_map.num_patches, plane, centre_m)
         indices[k] = same if same >= 0 else patch_map.append(plane, centre_m)
     patch_map.list_points(points_m, indices[labels])
     return patch_map.num_patches - before
@@ -159,10 +160,16 @@ def map_of_scans(scans: Iterable[Points], poses: Iterable[Float], config: Mapper
     return patch_map
 
 
-def _same_patch(patch_map: PatchMap, plane: Float, centre_m: Float) -> int:
+@lean_kernel()
+def _same_patch(patches: PatchArrays, num_patches: int, plane: Float, centre_m: Float) -> int:
     """The patch of which a new piece of plane is a part; -1 if there is none."""
-    n = patch_map.num_patches
-    planes, away_m = patch_map.arrays.planes[:n], np.linalg.norm(patch_map.arrays.origins[:n] - centre_m, axis=1)
-    is_same = (planes[:, :3] @ plane[:3] > _SAME_COSINE) & (away_m < MAX_RADIUS_M)
-    is_same &= np.abs(planes[:, :3] @ centre_m + planes[:, 3]) < _SAME_OFFSET_M
-    return int(np.where(is_same, away_m, np.inf).argmin()) if is_same.any() else -1
+    best, best_m = -1, MAX_RADIUS_M
+    for j in range(num_patches):
+        p, o = patches.planes[j], patches.origins[j]
+        x, y, z = o[0] - centre_m[0], o[1] - centre_m[1], o[2] - centre_m[2]
+        away_m = math.sqrt(x * x + y * y + z * z)
+        cosine = p[0] * plane[0] + p[1] * plane[1] + p[2] * plane[2]
+        offset_m = abs(p[0] * centre_m[0] + p[1] * centre_m[1] + p[2] * centre_m[2] + p[3])
+        if away_m < best_m and cosine > _SAME_COSINE and offset_m < _SAME_OFFSET_M:
+            best, best_m = j, away_m
+    return best

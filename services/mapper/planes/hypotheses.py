@@ -5,6 +5,8 @@ No guess is needed; one only leaves fewer of them. Nothing is assumed of how the
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,25 +30,33 @@ _SAME_OFFSET_M = 0.03
 _MAX_OFFSETS = 16
 
 
+@lean_kernel()
+def _group(normals: Float, weights: Float, order: NDArray[np.int64], sums: Float, totals: Float) -> int:
+    """Writes the groups' weighted sums (N, 3) and weights (N,); returns how many there are."""
+    num = 0
+    for k in order:
+        best, best_cosine = -1, _SAME_DIRECTION
+        for g in range(num):
+            x, y, z = sums[g, 0], sums[g, 1], sums[g, 2]
+            along = x * normals[k, 0] + y * normals[k, 1] + z * normals[k, 2]
+            cosine = along / max(math.sqrt(x * x + y * y + z * z), 1e-300)
+            if cosine > best_cosine:
+                best, best_cosine = g, cosine
+        if best < 0:
+            best, num = num, num + 1
+        totals[best] += weights[k]
+        for axis in range(3):
+            sums[best, axis] += weights[k] * normals[k, axis]
+    return num
+
+
 def distinct_directions(normals: Float, weights: Float, max_num: int) -> tuple[Float, Float]:
     """Unit vectors (D, 3) that stand for groups of normals (N, 3), with their weights (D,), the heaviest first."""
-    sums: list[Float] = []
-    totals: list[float] = []
-    for k in np.argsort(-weights, kind="stable"):
-        units = np.array(sums).reshape(-1, 3)
-        lengths = np.linalg.norm(units, axis=1)
-        cosines = units @ normals[k] / np.where(lengths > 0, lengths, 1.0)
-        if len(cosines) and cosines.max() > _SAME_DIRECTION:
-            best = int(cosines.argmax())
-            sums[best] = sums[best] + weights[k] * normals[k]
-            totals[best] += weights[k]
-        else:
-            sums.append(weights[k] * normals[k])
-            totals.append(weights[k])
-    order = np.argsort(-np.array(totals), kind="stable")[:max_num]
-    order = order[np.array(totals)[order] > _LEAST_WEIGHT * sum(totals)]
-    directions = np.array(sums).reshape(-1, 3)[order]
-    return directions / np.linalg.norm(directions, axis=1, keepdims=True), np.array(totals)[order]
+    sums, totals = np.zeros((len(normals), 3)), np.zeros(len(normals))
+    num = _group(normals, weights, np.argsort(-weights, kind="stable"), sums, totals)
+    order = np.argsort(-totals[:num], kind="stable")[:max_num]
+    order = order[totals[order] > _LEAST_WEIGHT * totals.sum()]
+    return sums[order] / np.linalg.norm(sums[order], axis=1, keepdims=True), totals[order]
 
 
 def _triads(a: Float, b: Float) -> Float:

@@ -184,7 +184,7 @@ class PlaneMatcher:
     def _best_of(
         self,
         followed: list[_Candidate],
-        poses: list[Float],
+        poses: Float,
         runs: Runs,
         association: Association,
         least_share: float,
@@ -232,7 +232,7 @@ class PlaneMatcher:
         self._found = _Found(points_m, runs, association, T, counts)
         hessian, squares_m2, num = self._sums_of(T, association)
         return RegistrationResult(
-            T_map_lidar=SE3.projected(np.vstack([T, [0.0, 0.0, 0.0, 1.0]])),
+            T_map_lidar=SE3(T[:, :3], T[:, 3]),
             is_converged=step < 1e-4,
             num_iterations=best.counts.num_steps + counts.num_steps,
             num_points=len(points_m),
@@ -241,7 +241,7 @@ class PlaneMatcher:
             score=counts.agreement,
             hessian=hessian,
             is_suspect=is_suspect,
-            sigma_m=float(np.median(runs.sigma_m)) if len(runs.sigma_m) else None,
+            sigma_m=float(runs.sigma_m.mean()) if len(runs.sigma_m) else None,
         )
 
     def _learn(self, found: _Found) -> None:

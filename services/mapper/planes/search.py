@@ -25,7 +25,7 @@ _SHIFTS_M = (-0.12, -0.08, -0.04, 0.04, 0.08, 0.12)
 """Lengths of the slips that were met: within half a bar's width."""
 _MAX_POSES_ANYWHERE = 2000
 _APART_M = 0.06
-_APART_RAD = 0.06
+_APART_COSINE = np.cos(0.06)
 
 
 class Reach(NamedTuple):
@@ -73,8 +73,8 @@ def ratings(runs: Runs, poses: Float, target: Target) -> Float:
 
 def candidates(
     runs: Runs, pieces: Pieces, guesses: list[Float], reach: Reach, target: Target, num_patches: int
-) -> list[Float]:
-    """Poses (3, 4) near guesses (3, 4) that fit roughly, the best first, each well apart from the ones before."""
+) -> Float:
+    """Poses (H, 3, 4) near guesses (3, 4) that fit roughly, the best first, each well apart from the ones before."""
     known, turns = _known_planes(target, num_patches), _rotations(pieces, target, num_patches)
     poses = [np.stack(guesses)]
     for guess in guesses:
@@ -84,12 +84,12 @@ def candidates(
     return _best(runs, np.concatenate(poses), target)
 
 
-def candidates_anywhere(runs: Runs, pieces: Pieces, target: Target, num_patches: int) -> list[Float]:
-    """Poses (3, 4) anywhere in the map that fit roughly, the best first, each well apart from the ones before."""
+def candidates_anywhere(runs: Runs, pieces: Pieces, target: Target, num_patches: int) -> Float:
+    """Poses (H, 3, 4) anywhere in the map that fit roughly, the best first, each well apart from the ones before."""
     known, turns = _known_planes(target, num_patches), _rotations(pieces, target, num_patches)
     middle_m, reach = target.patches.origins[:num_patches].mean(axis=0), Reach(np.pi, np.inf, _MAX_POSES_ANYWHERE)
     poses = [_poses(R, pieces, known, middle_m, reach) for R in turns]
-    return _best(runs, np.concatenate(poses), target) if poses else []
+    return _best(runs, np.concatenate(poses), target) if poses else np.empty((0, 3, 4))
 
 
 def _known_planes(target: Target, num_patches: int) -> Float:
@@ -103,7 +103,7 @@ def _rotations(pieces: Pieces, target: Target, num_patches: int) -> Float:
     return rotations(pieces.planes[:, :3], pieces.num_points, _known_planes(target, num_patches)[:, :3], weights)
 
 
-def _best(runs: Runs, poses: Float, target: Target) -> list[Float]:
+def _best(runs: Runs, poses: Float, target: Target) -> Float:
     return well_apart(poses[np.argsort(-ratings(runs, poses, target), kind="stable")], _MAX_CANDIDATES)
 
 
@@ -126,18 +126,31 @@ def weakly_shifted(T: Float, hessian: Float) -> list[Float]:
     return shifted
 
 
-def well_apart(poses: Float, max_num: int) -> list[Float]:
-    """The first of poses (H, 3, 4) that are not near an earlier one."""
-    kept: list[Float] = []
-    for T in poses:
-        if all(not is_same_place(T, other) for other in kept):
-            kept.append(T)
-            if len(kept) == max_num:
-                break
-    return kept
-
-
-def is_same_place(a: Float, b: Float, apart_m: float = _APART_M) -> bool:
+@lean_kernel()
+def is_same_place(a: Float, b: Float, apart_m: float) -> bool:
     """Whether two poses (3, 4) are near to one another."""
-    cosine = 0.5 * (float(np.sum(a[:, :3] * b[:, :3])) - 1.0)
-    return bool(np.linalg.norm(a[:, 3] - b[:, 3]) < apart_m and cosine > np.cos(_APART_RAD))
+    x, y, z = a[0, 3] - b[0, 3], a[1, 3] - b[1, 3], a[2, 3] - b[2, 3]
+    trace = 0.0
+    for i in range(3):
+        for j in range(3):
+            trace += a[i, j] * b[i, j]
+    return bool(x * x + y * y + z * z < apart_m * apart_m and 0.5 * (trace - 1.0) > _APART_COSINE)
+
+
+@lean_kernel()
+def _well_apart(poses: Float, kept: NDArray[np.int64]) -> int:
+    num = 0
+    for h in range(len(poses)):
+        is_new = num < len(kept)
+        for k in range(num):
+            is_new = is_new and not is_same_place(poses[h], poses[kept[k]], _APART_M)
+        if is_new:
+            kept[num] = h
+            num += 1
+    return num
+
+
+def well_apart(poses: Float, max_num: int) -> Float:
+    """The first of poses (H, 3, 4) that are not near an earlier one."""
+    kept = np.empty(max_num, np.int64)
+    return poses[kept[: _well_apart(poses, kept)]]
