@@ -172,7 +172,7 @@ def _is_scattered(M: Float, T: Float, plane: Float, sigma_m: float, cosine: floa
     if k < 3.0:
         return False
     usual = k * sigma_m * sigma_m * (cosine * cosine + 0.05)
-    return _squares(M, T, plane) > usual * (1.0 + 3.0 * math.sqrt(2.0 / k))
+    return bool(_squares(M, T, plane) > usual * (1.0 + 3.0 * math.sqrt(2.0 / k)))
 
 
 @lean_kernel(fastmath=REASSOCIATED)
