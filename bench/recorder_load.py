@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import time
 from collections import Counter
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import IO
 
 import numpy as np
 
 from shared.messaging.bus import Bus
 from shared.messaging.channels import CLOCK, DEPTH_IMAGE, DEPTH_IMU, LIDAR_IMU, LIDAR_POINTS, Channel
-from shared.messaging.codec import encode
 from shared.messaging.messages import Clock, DepthImage, Imu, LidarScan, Measurement
 from shared.runtime.config import BusConfig
 
@@ -31,21 +33,22 @@ def scan() -> LidarScan:
     elevation = np.repeat(np.linspace(0.39, -0.39, NUM_RINGS), NUM_COLUMNS)
     range_m = 3 / np.maximum(np.abs(np.cos(azimuth)), np.abs(np.sin(azimuth))) + rng.normal(0, 0.01, azimuth.size)
     level_m = range_m * np.cos(elevation)
+    points_m = np.stack([level_m * np.cos(azimuth), level_m * np.sin(azimuth), range_m * np.sin(elevation)], axis=1)
     return LidarScan(
         stamp_ns=0,
         seq=0,
         frame="lidar",
-        points_m=np.stack([level_m * np.cos(azimuth), level_m * np.sin(azimuth), range_m * np.sin(elevation)], axis=1),
-        intensity=rng.integers(0, 256, azimuth.size),
-        t_ns=np.tile(np.arange(NUM_COLUMNS) * 48_828, NUM_RINGS),
-        ring=np.repeat(np.arange(NUM_RINGS), NUM_COLUMNS),
+        points_m=points_m.astype(np.float32),
+        intensity=rng.integers(0, 256, azimuth.size).astype(np.float32),
+        t_ns=np.tile(np.arange(NUM_COLUMNS, dtype=np.uint32) * 48_828, NUM_RINGS),
+        ring=np.repeat(np.arange(NUM_RINGS, dtype=np.uint16), NUM_COLUMNS),
     )
 
 
 def image() -> DepthImage:
     """A wall seen at an angle, with 5 mm of noise."""
     noise_mm = np.random.default_rng(0).normal(0, 5, (HEIGHT, WIDTH))
-    depth_mm = 3000 / np.cos(np.linspace(-0.75, 0.75, WIDTH))[None, :] + noise_mm
+    depth_mm = (3000 / np.cos(np.linspace(-0.75, 0.75, WIDTH))[None, :] + noise_mm).astype(np.uint16)
     return DepthImage(stamp_ns=0, seq=0, frame="depth_optical", height=HEIGHT, width=WIDTH, depth_mm=depth_mm.ravel())
 
 
@@ -72,12 +75,14 @@ def full_load() -> tuple[Stream, ...]:
     )
 
 
-def publish(bus: Bus, streams: tuple[Stream, ...], seconds: float) -> Counter[str]:
-    """Publishes in time, by the wall's clock; what is late is published at once. Stamps are of the wall's clock too."""
+def publish(bus: Bus, streams: tuple[Stream, ...], seconds: float, log: IO[str] | None = None) -> Counter[str]:
+    """Publishes by the wall's clock, as sensors do: late is late, nothing is made up for. Stamps: the monotonic clock.
+
+    log: gets a line `key seq stamp_ns` before each message goes out.
+    """
     num_sent: Counter[str] = Counter()
     for stream in streams:
         bus.advertise(stream.channel)
-        encode(stream.message)
     begin_s = time.monotonic()
     due = [0.0] * len(streams)
     while (now_s := time.monotonic() - begin_s) < seconds:
@@ -87,9 +92,12 @@ def publish(bus: Bus, streams: tuple[Stream, ...], seconds: float) -> Counter[st
             continue
         stream = streams[index]
         number = num_sent[stream.channel.key]
-        bus.publish(stream.channel, replace(stream.message, seq=number, stamp_ns=time.monotonic_ns()))
+        message = replace(stream.message, seq=number, stamp_ns=time.monotonic_ns())
+        if log is not None:
+            log.write(f"{stream.channel.key} {number} {message.stamp_ns}\n")
+        bus.publish(stream.channel, message)
         num_sent[stream.channel.key] += 1
-        due[index] += 1.0 / stream.rate_hz
+        due[index] = max(due[index] + 1.0 / stream.rate_hz, now_s)
     return num_sent
 
 
@@ -98,9 +106,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--endpoint", required=True)
     parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--log", type=Path, default=Path(os.devnull))
     arguments = parser.parse_args()
-    with Bus(BusConfig(endpoint=arguments.endpoint)) as bus:
-        print(json.dumps(publish(bus, full_load(), arguments.seconds)))
+    with Bus(BusConfig(endpoint=arguments.endpoint)) as bus, arguments.log.open("w", buffering=1) as log:
+        print(json.dumps(publish(bus, full_load(), arguments.seconds, log)))
 
 
 if __name__ == "__main__":
