@@ -89,6 +89,8 @@ def check_room(folder: Path, min_free_mib: int, num_bytes: int = 0) -> None:
     """
     left = free_bytes(folder)
     if left - num_bytes < min_free_mib * BYTES_A_MIB:
+        next_text = f" ({num_bytes / BYTES_A_MIB:.1f} MiB were next)" if num_bytes else ""
         raise RecordingError(
-            f"{folder}: the disk has {left // BYTES_A_MIB} MiB left, recorder.min_free_mib keeps {min_free_mib} free"
+            f"{folder}: the disk has {left // BYTES_A_MIB} MiB left, "
+            f"recorder.min_free_mib keeps {min_free_mib} free{next_text}"
         )
