@@ -1,7 +1,7 @@
 """One chunk of an MCAP file: messages side by side, compressed as one.
 
-The writer of the mcap package does the same with four more copies of every message, and cannot leave out a chunk that
-the disk refused. Source: https://mcap.dev/spec#chunk-op0x06.
+The writer of the mcap package cannot leave out a chunk that the disk refused, and then write a true index.
+Source: https://mcap.dev/spec#chunk-op0x06.
 """
 
 from __future__ import annotations
