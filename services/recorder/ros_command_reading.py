@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 
 from shared.messaging import messages as m
 from shared.messaging.codec import decode_command
+
+M = TypeVar("M", bound=m.Message)
 
 
 def joint_target(ros_message: Any, _seq: int) -> m.JointTarget:
@@ -31,14 +34,9 @@ def foot_target(ros_message: Any, _seq: int) -> m.FootTarget:
     return m.FootTarget(T_world_foot=np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w]))
 
 
-def sim_control(ros_message: Any, _seq: int) -> m.SimControl:
-    """The JSON that could have been typed."""
-    return decode_command(m.SimControl, ros_message.data.encode())
-
-
-def recorder_control(ros_message: Any, _seq: int) -> m.RecorderControl:
-    """The JSON that could have been typed."""
-    return decode_command(m.RecorderControl, ros_message.data.encode())
+def control(message_type: type[M]) -> Callable[[Any, int], M]:
+    """The reader of a command that was recorded as the JSON that could have been typed."""
+    return lambda ros_message, _seq: decode_command(message_type, ros_message.data.encode())
 
 
 def _names(ros_message: Any, all_names: tuple[str, ...]) -> tuple[str, ...] | None:
