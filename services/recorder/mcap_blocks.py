@@ -66,9 +66,9 @@ class Damage:
 
 
 class McapBlocks:
-    """One pass over a file. `damage` and `is_complete` are true of what `blocks` has gone through so far.
+    """One pass over a file. All it says is true of what `blocks` has gone through so far.
 
-    is_complete: the end of the file says that its writer closed it.
+    is_complete: the end of the file says that its writer closed it. num_chunks: whole ones.
 
     Raises:
         InputFileError: there is no such file, or it is empty.
@@ -77,6 +77,7 @@ class McapBlocks:
     def __init__(self, path: Path) -> None:
         self.damage: list[Damage] = []
         self.is_complete = False
+        self.num_chunks = 0
         self._path = path
         self._is_index = False
         try:
@@ -102,6 +103,7 @@ class McapBlocks:
                 continue
             if self._bytes[position] == Opcode.CHUNK and block.records:
                 believed = end
+                self.num_chunks += 1
             position = end
             yield block
         if believed == 0 and position == 0:

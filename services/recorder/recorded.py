@@ -63,8 +63,14 @@ class RecordingReader:
         self._wanted = wanted
         self._types: dict[int, str] = {}
         self._topics: dict[int, str] = {}
+        self._schemas: dict[int, int] = {}
         self._channels: dict[int, Channel | None] = {}
         self._add_summary(path)
+
+    @property
+    def types(self) -> dict[str, str]:
+        """Topic -> ROS type of each topic that has been declared so far."""
+        return {topic: self._types.get(self._schemas[id_], "") for id_, topic in self._topics.items()}
 
     @property
     def damage(self) -> list[Damage]:
@@ -108,5 +114,5 @@ class RecordingReader:
             return
         channel = channel_of_topic(record.topic)
         is_ours = channel is not None and channel.ros_type == self._types.get(record.schema_id)
-        self._topics[record.id] = record.topic
+        self._topics[record.id], self._schemas[record.id] = record.topic, record.schema_id
         self._channels[record.id] = channel if is_ours and record.message_encoding == "cdr" else None
