@@ -8,11 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
-from mcap.records import Statistics
-from mcap.summary import Summary
-
+from services.recorder.mcap_index import Index, index_of
 from services.recorder.recorded import RecordingReader
 from shared.messaging.channels import Channel, channel_of_topic
 
@@ -101,42 +97,24 @@ def overview_of(path: Path, on_progress: Progress = lambda _: None) -> Overview:
     Raises:
         InputFileError: there is no such file, or it is no recording.
     """
-    indexed = _from_index(path)
-    if indexed is not None:
-        return _overview(path, indexed, [], has_index=True)
+    if (index := index_of(path)) is not None:
+        return _overview(path, _of_index(index), [], has_index=True)
     reader = RecordingReader(path)
     contents = _from_chunks(reader, on_progress)
     return _overview(path, contents, [str(damage) for damage in reader.damage], has_index=reader.blocks.is_complete)
 
 
-def _from_index(path: Path) -> _Contents | None:
-    try:
-        with path.open("rb") as file:
-            reader = make_reader(file, validate_crcs=True)
-            summary = reader.get_summary()
-            metadata = {entry.name: dict(entry.metadata) for entry in reader.iter_metadata()}
-    except (McapError, OSError, ValueError, RuntimeError):
-        return None
-    if summary is None or summary.statistics is None:
-        return None
-    return _of_summary(summary, summary.statistics, metadata)
-
-
-def _of_summary(summary: Summary, statistics: Statistics, metadata: dict[str, dict[str, str]]) -> _Contents:
-    counts = statistics.channel_message_counts
+def _of_index(index: Index) -> _Contents:
+    channels, schemas = index.summary.channels, index.summary.schemas
+    counts = index.statistics.channel_message_counts
     return _Contents(
-        types={channel.topic: _type_of(summary, channel.schema_id) for channel in summary.channels.values()},
-        num_messages={channel.topic: counts.get(id_, 0) for id_, channel in summary.channels.items()},
-        num_chunks=statistics.chunk_count,
-        first_ns=statistics.message_start_time,
-        last_ns=statistics.message_end_time,
-        metadata=metadata,
+        types={of.topic: schemas[of.schema_id].name if of.schema_id in schemas else "" for of in channels.values()},
+        num_messages={of.topic: counts.get(id_, 0) for id_, of in channels.items()},
+        num_chunks=index.statistics.chunk_count,
+        first_ns=index.statistics.message_start_time,
+        last_ns=index.statistics.message_end_time,
+        metadata=index.metadata,
     )
-
-
-def _type_of(summary: Summary, schema_id: int) -> str:
-    schema = summary.schemas.get(schema_id)
-    return "" if schema is None else schema.name
 
 
 def _from_chunks(reader: RecordingReader, on_progress: Progress) -> _Contents:

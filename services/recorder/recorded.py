@@ -7,11 +7,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 from mcap.records import Channel as McapChannel, Message as McapMessage, Metadata, Schema
 
 from services.recorder.mcap_blocks import Damage, McapBlocks
+from services.recorder.mcap_index import index_of
 from services.recorder.ros_reading import from_cdr
 from shared.errors import MessageError
 from shared.messaging.channels import Channel, channel_of_topic
@@ -99,13 +98,8 @@ class RecordingReader:
 
     def _add_summary(self, path: Path) -> None:
         """Its channels stand in the first chunk, and again at the end: known from there if the first chunk is lost."""
-        try:
-            with path.open("rb") as file:
-                summary = make_reader(file).get_summary()
-        except (McapError, OSError, ValueError, RuntimeError):
-            return
-        if summary is not None:
-            for record in (*summary.schemas.values(), *summary.channels.values()):
+        if (index := index_of(path)) is not None:
+            for record in (*index.summary.schemas.values(), *index.summary.channels.values()):
                 self._declare(record)
 
     def _declare(self, record: Schema | McapChannel) -> None:
