@@ -28,6 +28,7 @@ from shared.messaging.messages import (
     PlaneMap,
 )
 from shared.runtime.config import Config
+from shared.runtime.node import Addressed
 
 _NO_MAPS = {"map_rate_hz": 1e-9}
 """The map is asked for at the end, not published on the way."""
@@ -133,7 +134,7 @@ def figures_of(run: MapRun, config: Config) -> dict[str, Any]:
     }
 
 
-def _note(run: MapRun, message: Message, source: ScanSource) -> None:
+def _note(run: MapRun, message: Message | Addressed, source: ScanSource) -> None:
     match message:
         case Odometry():
             run.poses.append(SE3.from_xyz_quat_xyzw(message.T_frame_child))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
+from ruamel.yaml import YAML
 
 from cli.playback import progress_bar
 from services.recorder.channel_choice import chosen
@@ -136,7 +136,7 @@ def _lockstep(overview: Overview, channels: dict[Channel, Channel], config: Conf
 
 def _used_scans(overview: Overview, scans: Channel) -> frozenset[int] | None:
     """The numbers of the scans that the mapper of that time took; None where none is known."""
-    settings = yaml.safe_load(overview.run.get("config", "")) or {}
+    settings = YAML(typ="safe").load(overview.run.get("config", "")) or {}
     of_then = DEPTH_IMAGE if settings.get("mapper", {}).get("input") == "depth" else LIDAR_POINTS
     if of_then != scans:
         return None

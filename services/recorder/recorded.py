@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.records import Channel as McapChannel, Message as McapMessage, Metadata, Schema
+from mcap.records import Channel as McapChannel, McapRecord, Message as McapMessage, Metadata, Schema
 
 from services.recorder.mcap_blocks import Damage, McapBlocks
 from services.recorder.mcap_index import index_of
@@ -102,10 +102,11 @@ class RecordingReader:
             for record in (*index.summary.schemas.values(), *index.summary.channels.values()):
                 self._declare(record)
 
-    def _declare(self, record: Schema | McapChannel) -> None:
+    def _declare(self, record: McapRecord) -> None:
         if isinstance(record, Schema):
             self._types[record.id] = record.name
             return
+        assert isinstance(record, McapChannel)
         channel = channel_of_topic(record.topic)
         is_ours = channel is not None and channel.ros_type == self._types.get(record.schema_id)
         self._topics[record.id], self._schemas[record.id] = record.topic, record.schema_id
