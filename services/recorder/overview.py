@@ -10,10 +10,9 @@ from pathlib import Path
 
 from services.recorder.mcap_index import Index, index_of
 from services.recorder.recorded import RecordingReader
+from services.recorder.tally import COMPLETE, COUNTS_METADATA, END_METADATA, INCOMPLETE, RUN_METADATA
 from shared.messaging.channels import Channel, channel_of_topic
 
-RUN_METADATA, COUNTS_METADATA, END_METADATA = "hyrecro_run", "hyrecro_counts", "hyrecro_end"
-COMPLETE, INCOMPLETE = "COMPLETE", "INCOMPLETE"
 Progress = Callable[[float], None]
 """Told the share of the work that is done, 0..1."""
 

@@ -13,7 +13,8 @@ from mcap.writer import CompressionType, Writer
 
 from services.recorder.mcap_blocks import Damage, McapBlocks
 from services.recorder.mcap_index import index_of
-from services.recorder.overview import COUNTS_METADATA, END_METADATA, INCOMPLETE, Progress, counts_of
+from services.recorder.overview import Progress, counts_of
+from services.recorder.tally import COUNTS_METADATA, END_METADATA, INCOMPLETE
 from shared.errors import InputFileError
 from shared.messaging.channels import EVENTS, channel_of_topic
 from shared.messaging.sequence import SequenceCounter

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from services.recorder.overview import END_METADATA, INCOMPLETE, Overview, Progress, overview_of
+from services.recorder.overview import Overview, Progress, overview_of
 from services.recorder.recorded import Recorded, RecordingReader, UnreadableError
+from services.recorder.tally import END_METADATA, INCOMPLETE
 from shared.messaging.messages import Measurement
 from shared.messaging.sequence import SequenceCounter
 from shared.runtime.health import source_of
