@@ -9,6 +9,7 @@ from types import FrameType
 import typer
 
 from cli import (
+    bag_commands,
     cloud_commands,
     config_commands,
     eval_commands,
@@ -36,6 +37,7 @@ map_commands.register(app)
 eval_commands.register(app)
 sweep_commands.register(app)
 replay_commands.register(app)
+app.add_typer(bag_commands.app, name="bag", help="Look into recordings, verify, recover and convert them.")
 app.add_typer(cloud_commands.app, name="cloud", help="Find planes in clouds, filter and save them.")
 app.add_typer(robot_commands.app, name="robot", help="Command the robot and read its state.")
 app.add_typer(sensor_commands.app, name="sensor", help="See what the sensors see.")
