@@ -106,7 +106,7 @@ class McapBlocks:
                 self.num_chunks += 1
             position = end
             yield block
-        if believed == 0 and position == 0:
+        if believed == 0:
             raise InputFileError(f"{self._path}: is no MCAP file")
         if not self.is_complete and not self.damage:
             self._note(self.num_bytes, self.num_bytes, "cut off")
@@ -115,7 +115,7 @@ class McapBlocks:
         """Where to go on after something that is no record; it may be that a wrong length has led here."""
         following = self._next_chunk(max(believed, 1))
         if self._is_index or following == self.num_bytes:
-            self._note(position, self.num_bytes, "cut off" if position else "no MCAP file")
+            self._note(position, self.num_bytes, "cut off")
             return self.num_bytes
         self._note(min(position, following), following, "damaged")
         return following
