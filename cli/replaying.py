@@ -6,12 +6,15 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
 
+from cli import keyboard
+from cli.keyboard import keys
 from cli.playback import progress_bar
 from services.recorder.channel_choice import chosen
 from services.recorder.lockstep import Lockstep, ReplayError
@@ -19,14 +22,17 @@ from services.recorder.overview import Overview, overview_of
 from services.recorder.recorded import Recorded, RecordingReader
 from services.recorder.replay import Replay, ReplayOptions
 from services.recorder.replay_node import replay_node
-from shared.errors import InputFileError
+from shared.errors import InputFileError, RefusedError
 from shared.messaging.bus import Bus
 from shared.messaging.channels import DEPTH_IMAGE, EVENTS, LIDAR_POINTS, MAP_STATUS, Channel
-from shared.messaging.messages import MapStatus
+from shared.messaging.messages import MapStatus, ReplayAction, ReplayControl
 from shared.runtime.config import Config
 from shared.runtime.logs import configure_logs
 from shared.runtime.node import Context, Messages
 from shared.runtime.runner import run_node
+
+_SEEK_S = 5.0
+"""What an arrow key goes on or back by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,14 +95,33 @@ def _run(
 ) -> None:
     context = Context(clock_ns=time.monotonic_ns)
     node = replay_node(player, outputs, context, is_lockstep=is_lockstep)
-    with progress_bar() as progress:
+    with keys() as pressed, progress_bar() as progress:
         task = progress.add_task("replay", total=1.0)
+        is_quit = False
 
-        def shown() -> Messages:
+        def stepped() -> Messages:
+            nonlocal is_quit
+            key = pressed()
+            is_quit |= key == "q"
+            if (control := _control_of(key, player)) is not None:
+                with suppress(RefusedError):
+                    player.control(control)
             progress.update(task, completed=player.progress)
             return node.on_timer()
 
-        run_node(dataclasses.replace(node, on_timer=shown), config, context, is_stopping)
+        run_node(dataclasses.replace(node, on_timer=stepped), config, context, lambda: is_quit or is_stopping())
+
+
+def _control_of(key: str, player: Replay) -> ReplayControl | None:
+    match key:
+        case " ":
+            return ReplayControl(action=ReplayAction.RESUME if player.is_paused else ReplayAction.PAUSE)
+        case ".":
+            return ReplayControl(action=ReplayAction.STEP)
+        case keyboard.LEFT | keyboard.RIGHT:
+            way_s = _SEEK_S if key == keyboard.RIGHT else -_SEEK_S
+            return ReplayControl(seek_s=max(0.0, player.position_s + way_s))
+    return None
 
 
 def _options(request: ReplayRequest, overview: Overview, channels: dict[Channel, Channel]) -> ReplayOptions:

@@ -69,6 +69,16 @@ class Replay:
         return 1.0 if self.is_done else min(max(share, 0.0), 1.0)
 
     @property
+    def position_s(self) -> float:
+        """Seconds after the recording's first message."""
+        return (self._position_ns - self._options.first_ns) / 1e9
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether it waits for a command."""
+        return self._is_paused
+
+    @property
     def is_done(self) -> bool:
         """Whether all has been given out, and in lockstep answered."""
         return self._is_over and not self._options.is_looping

@@ -51,7 +51,9 @@ def said() -> list[tuple[c.Channel, m.Message]]:
 
 def write_recording(path: Path, *, compression: str = "lz4") -> Path:
     """`said`, and an end that says COMPLETE."""
-    log = McapLog(new_file(path), c.CHANNELS, {RUN_METADATA: {"version": "1.2.3", "seed": "7"}}, compression=compression)
+    log = McapLog(
+        new_file(path), c.CHANNELS, {RUN_METADATA: {"version": "1.2.3", "seed": "7"}}, compression=compression
+    )
     stamp_ns = 0
     for channel, message in said():
         if isinstance(message, m.Measurement):
