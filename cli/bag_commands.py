@@ -50,7 +50,7 @@ def recover(
     out: Annotated[Path, typer.Argument(metavar="OUT.mcap", help="A new file.")],
     is_json: JsonOption = False,
 ) -> None:
-    """Copies every whole chunk of a damaged recording into a new one, with an index; exit code 3 where some are lost."""
+    """Copies every whole chunk of a damaged recording into a new one with an index; exit code 3 where some are lost."""
     from cli.bag_tables import print_recovered, recovered_json
     from services.recorder.recovery import recover as run
 

@@ -26,7 +26,7 @@ _ROSBAG2_VERSION: Literal[9] = 9
 
 @dataclass(frozen=True, slots=True)
 class Converted:
-    """num_written: messages of a rosbag2 folder, or files. problems: what could not be read or converted, a line each."""
+    """num_written: messages of a rosbag2 folder, or files. problems: what could not be read, a line each."""
 
     num_written: int
     problems: tuple[str, ...]

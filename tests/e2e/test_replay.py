@@ -31,7 +31,7 @@ from tests.support.processes import hyrecro_command, run, service_command, start
 pytestmark = pytest.mark.e2e
 
 MAX_DIFFERENCE_M = 1e-6
-SOME = "-0.3 0 0.3 0 0 0.3 0 -0.3".split()
+SOME = ["-0.3", "0", "0.3", "0", "0", "0.3", "0", "-0.3"]
 
 
 @pytest.fixture(scope="module")

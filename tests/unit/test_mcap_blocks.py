@@ -151,7 +151,7 @@ def test_without_first_chunk_and_index_messages_are_counted_as_nameless(path, tm
 
 def test_nothing_is_overwritten(path, tmp_path):
     (tmp_path / "out.mcap").write_text("mine")
-    with pytest.raises(InputFileError, match="out.mcap: cannot be written: File exists"):
+    with pytest.raises(InputFileError, match=r"out\.mcap: cannot be written: File exists"):
         recover(path, tmp_path / "out.mcap")
     assert (tmp_path / "out.mcap").read_text() == "mine"
 
