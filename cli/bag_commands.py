@@ -66,18 +66,19 @@ def convert(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="A new folder.")],
     to: Annotated[Target, typer.Option(help="A rosbag2 folder, or a file a cloud.")] = "rosbag2",
     channel: Annotated[
-        str, typer.Option(metavar="KEY", help="Of clouds: lidar/points, depth/points, map/cloud (the last).")
-    ] = "lidar/points",
+        str | None, typer.Option(metavar="KEY", help="Of clouds: lidar/points (default), depth/points, map/cloud.")
+    ] = None,
     is_json: JsonOption = False,
 ) -> None:
     """Writes a recording as a rosbag2 folder, or its clouds as data0.pcd ...; exit code 3 where some are missing."""
     from services.recorder.conversion import cloud_channel, to_clouds, to_rosbag2
+    from shared.messaging.channels import LIDAR_POINTS
 
     with _progress("convert") as on_progress:
         if to == "rosbag2":
             converted = to_rosbag2(recording, out, on_progress)
         else:
-            converted = to_clouds(recording, out, cloud_channel(channel), to, on_progress)
+            converted = to_clouds(recording, out, cloud_channel(channel or LIDAR_POINTS.key), to, on_progress)
     for problem in converted.problems:
         print(f"hyrecro: {recording}: {problem}", file=sys.stderr)
     noun = "messages" if to == "rosbag2" else f"{to} files"

@@ -8,11 +8,23 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 
 from shared.errors import InputFileError
-from shared.messaging.channels import Channel
+from shared.messaging.channels import (
+    EVAL_METRICS,
+    EVENTS,
+    HEALTH,
+    MAP_CLOUD,
+    MAP_ODOMETRY,
+    MAP_PLANES,
+    MAP_STATUS,
+    RECORDER_CONTROL,
+    RECORDER_STATUS,
+    REPLAY_CONTROL,
+    Channel,
+)
 
-OF_THEN = ("health/*", "recorder/*", "replay/*")
-"""What processes that lived then said of themselves: replayed only where it is asked for."""
-OF_MAPPING = ("map/*", "eval/*", "events")
+OF_THEN = tuple(channel.key for channel in (HEALTH, RECORDER_STATUS, RECORDER_CONTROL, REPLAY_CONTROL))
+"""Of processes that lived then, and their recording: replayed only where it is asked for."""
+OF_MAPPING = tuple(of.key for of in (MAP_ODOMETRY, MAP_STATUS, MAP_CLOUD, MAP_PLANES, EVAL_METRICS, EVENTS))
 """What follows from mapping, and is said anew where a recording is mapped again."""
 
 
