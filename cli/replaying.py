@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,15 +70,16 @@ def replay(request: ReplayRequest, config: Config, is_stopping: Callable[[], boo
     )
     if request.is_lockstep:  # nothing may be dropped on the way: the publisher waits
         channels = {channel: output.every() for channel, output in channels.items()}
-    _refuse_doubles(channels.values(), config)
+    options = _options(request, overview, channels)
     lockstep = _lockstep(overview, channels, config) if request.is_lockstep else None
+    _refuse_doubles(channels.values(), config)
     readers: list[RecordingReader] = []
 
     def open_() -> Iterator[Recorded]:
         readers.append(RecordingReader(request.path, lambda channel: channel in channels))
         return readers[-1].messages()
 
-    player = Replay(_options(request, overview, channels), open_, lockstep)
+    player = Replay(options, open_, lockstep)
     _run(player, tuple(channels.values()), config, is_stopping, is_lockstep=request.is_lockstep)
     problems = [str(damage) for damage in readers[-1].damage if damage.has_data] + player.unreadable
     return {
@@ -141,7 +142,7 @@ def _options(request: ReplayRequest, overview: Overview, channels: dict[Channel,
     )
 
 
-def _refuse_doubles(outputs: Any, config: Config) -> None:
+def _refuse_doubles(outputs: Iterable[Channel], config: Config) -> None:
     """Two publishers of one key would be taken for one; events alone have many."""
     with Bus(config.bus) as bus:
         taken = bus.published() & {channel.key for channel in outputs} - {EVENTS.key}

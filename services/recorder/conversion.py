@@ -18,7 +18,7 @@ from shared.cloud_files import write_cloud, write_scan
 from shared.depth_points import points_of
 from shared.errors import InputFileError
 from shared.messaging.channels import Channel, channel_of_key, sensor_channels
-from shared.messaging.messages import CameraInfo, DepthImage, LidarScan, Message, PointCloud
+from shared.messaging.messages import CameraInfo, DepthImage, LidarScan, PointCloud
 
 CloudFormat = Literal["pcd", "ply", "las"]
 _ROSBAG2_VERSION: Literal[9] = 9
@@ -67,9 +67,11 @@ def to_clouds(
     Raises:
         InputFileError: the recording cannot be read, holds no such clouds, or `out` is not empty or not writable.
     """
+    sources = _sources_of(channel)
+    camera = _first_camera(path, sources)
     _make_empty(out)
-    reader = RecordingReader(path, _sources_of(channel).__contains__)
-    clouds = _Clouds(reader, on_progress)
+    reader = RecordingReader(path, sources.__contains__)
+    clouds = _Clouds(reader, camera, on_progress)
     is_map = channel.key.startswith("map/")
     last: PointCloud | None = None
     num_written = 0
@@ -102,37 +104,40 @@ def cloud_channel(key: str) -> Channel:
 class _Clouds:
     """The clouds of a recording, one after the other."""
 
-    def __init__(self, reader: RecordingReader, on_progress: Progress) -> None:
-        self._reader, self._on_progress = reader, on_progress
-        self._camera: CameraInfo | None = None
+    def __init__(self, reader: RecordingReader, camera: CameraInfo | None, on_progress: Progress) -> None:
+        self._reader, self._camera, self._on_progress = reader, camera, on_progress
         self.problems: list[str] = []
 
     def all(self) -> Iterator[LidarScan | PointCloud]:
         for recorded in self._reader.messages():
             self._on_progress(self._reader.num_read_bytes / self._reader.blocks.num_bytes)
             try:
-                cloud = self._cloud(recorded.message())
+                message = recorded.message()
             except UnreadableError as error:
                 self.problems.append(str(error))
                 continue
-            if cloud is not None:
-                yield cloud
-
-    def _cloud(self, message: Message) -> LidarScan | PointCloud | None:
-        match message:
-            case LidarScan() | PointCloud():
-                return message
-            case CameraInfo():
+            if isinstance(message, CameraInfo):
                 self._camera = message
-            case DepthImage() if self._camera is None:
-                self.problems.append(f"depth image {message.seq}: came before the camera was known")
-            case DepthImage():
-                return _points(message, self._camera)
+            elif isinstance(message, DepthImage) and self._camera is not None:
+                yield _points(message, self._camera)
+            elif isinstance(message, LidarScan | PointCloud):
+                yield message
+
+
+def _first_camera(path: Path, sources: tuple[Channel, ...]) -> CameraInfo | None:
+    """The first image may come before its camera's intrinsics."""
+    infos = [channel for channel in sources if channel.message is CameraInfo]
+    if not infos:
         return None
+    recorded = next(RecordingReader(path, infos.__contains__).messages(), None)
+    if recorded is None:
+        raise InputFileError(f"{path}: holds no {infos[0].key}, without which depth images are no points")
+    message = recorded.message()
+    assert isinstance(message, CameraInfo)
+    return message
 
 
-def _points(image: DepthImage, camera: CameraInfo | None) -> PointCloud:
-    assert camera is not None
+def _points(image: DepthImage, camera: CameraInfo) -> PointCloud:
     depth_mm = image.depth_mm.reshape(image.height, image.width)
     points_m = points_of(depth_mm, camera.fx, camera.fy, camera.cx, camera.cy, 1)
     return PointCloud(stamp_ns=image.stamp_ns, seq=image.seq, frame=image.frame, points_m=points_m)
