@@ -15,6 +15,7 @@ from cli import (
     eval_commands,
     map_commands,
     pipeline_commands,
+    record_commands,
     replay_commands,
     robot_commands,
     sensor_commands,
@@ -39,6 +40,7 @@ sweep_commands.register(app)
 replay_commands.register(app)
 app.add_typer(bag_commands.app, name="bag", help="Look into recordings, verify, recover and convert them.")
 app.add_typer(cloud_commands.app, name="cloud", help="Find planes in clouds, filter and save them.")
+app.add_typer(record_commands.app, name="record", help="Start and stop recordings, and see what they hold.")
 app.add_typer(robot_commands.app, name="robot", help="Command the robot and read its state.")
 app.add_typer(sensor_commands.app, name="sensor", help="See what the sensors see.")
 app.add_typer(sim_commands.app, name="sim", help="Pause, step, pace, reset and seed of simulated time.")

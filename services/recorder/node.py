@@ -8,6 +8,7 @@ from typing import Any
 
 from services.recorder.layout import write_layout
 from services.recorder.recorder import Recorder
+from services.recorder.ros_schemas import prepare
 from shared.messaging.channels import RECORDER_CONTROL, RECORDER_STATUS, Channel, channels_of
 from shared.runtime.config import Config
 from shared.runtime.config_loading import dump_config
@@ -19,6 +20,8 @@ def build_node(config: Config, _context: Context) -> Node:
     """The node that records everything the channel table marks, of every sensor that is configured."""
     metadata = {"version": version("hyrecro"), "seed": str(config.seed), "config": dump_config(config)}
     channels = channels_of(config.sensors.others)
+    for channel in channels:
+        prepare(channel.ros_type)  # before anything waits in the inbox
     recorder = Recorder(config.recorder, metadata, channels, on_file=_write_layout)
     inputs: Mapping[Channel, Callable[[Any], Messages]] = {
         channel: partial(recorder.add, channel) for channel in channels if channel.is_recorded

@@ -137,6 +137,12 @@ def schema_text(ros_type: str) -> str:
     return str(store.generate_msgdef(ros_type, ros_version=2)[0])
 
 
+def prepare(ros_type: str) -> None:
+    """Does now what the first message of a type would otherwise wait for: its schema's text, its serializer."""
+    schema_text(ros_type)
+    typestore().get_msgdef(ros_type)
+
+
 def new(ros_type: str, **fields: object) -> Any:
     """A message of `ros_type` with all its fields."""
     return typestore().types[ros_type](**fields)

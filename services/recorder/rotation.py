@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from services.recorder.disk import BYTES_A_MIB, RecordingError, check_room, new_file
+from services.recorder.disk import BYTES_A_MIB, Output, RecordingError, check_room, new_file
 from services.recorder.mcap_log import McapLog
 from services.recorder.records import Record
 from services.recorder.tally import RUN_METADATA, Tally
@@ -31,6 +31,7 @@ class FileSeries:
         metadata: Mapping[str, str],
         config: RecorderConfig,
         kept: Mapping[str, Record],
+        open_file: Callable[[Path], Output] = new_file,
     ) -> None:
         """Begins the first file. metadata: stored at the head of each. kept: by key, from before the start.
 
@@ -41,7 +42,7 @@ class FileSeries:
         self.num_files = 0
         self.path = folder
         self._folder, self._channels, self._metadata, self._config = folder, channels, metadata, config
-        self._kept = dict(kept)
+        self._kept, self._open_file = dict(kept), open_file
         self._done, self._tally = Tally(), Tally()
         self._num_done_bytes = 0
         self._begin_ns: int | None = None
@@ -128,7 +129,7 @@ class FileSeries:
         check_room(self._folder, config.min_free_mib)
         path = self._folder / ("run.mcap" if self.num_files == 0 else f"run_{self.num_files:03d}.mcap")
         log = McapLog(
-            new_file(path),
+            self._open_file(path),
             self._channels,
             {RUN_METADATA: {**self._metadata, "file": str(self.num_files)}},
             chunk_bytes=config.chunk_size_kib * 1024,

@@ -36,6 +36,7 @@ def run_folder(tmp_path_factory):
         in_the_air = ("--point", "0", "0", "20", "--normal", "0", "0", "1")
         assert running.hyrecro("robot", "step", *in_the_air).returncode == 1
         assert running.hyrecro("robot", "joints", "9", "0", "0", "0", "0", "0", "0", "0").returncode == 1
+        assert running.hyrecro("record", "start").returncode == 1
         wait_until(lambda: running.state()["stamp_s"] > 5, "five seconds of simulated time")
         assert running.stop(signal.SIGINT) == 130
         assert [child for child in children if child.is_running()] == []

@@ -120,7 +120,7 @@ def test_stop_and_start(tmp_path):
     with pytest.raises(RefusedError, match="nothing is being recorded"):
         recorder.control(m.RecorderControl(action=STOP))
     recorder.add(c.CLOCK, clock(6))
-    with pytest.raises(RefusedError, match="run is 'a/b', must be of letters, digits and _ . : -"):
+    with pytest.raises(RefusedError, match=r"run is 'a/b', must be of letters, digits and _ . : -"):
         recorder.control(m.RecorderControl(action=START, run="a/b"))
     status = last_status(recorder.control(m.RecorderControl(action=START, run="second")))
     assert status.path == str(tmp_path / "second" / "run.mcap")
@@ -242,7 +242,7 @@ def test_a_full_disk_is_said_once_and_a_new_run_begins_when_there_is_room(tmp_pa
     assert [severity for severity, _ in said] == [m.Severity.ERROR]
     assert "the recording has stopped: " in said[0][1]
     assert events(recorder.tick()) == []
-    with pytest.raises(RefusedError, match="nothing is being recorded: .*File too large"):
+    with pytest.raises(RefusedError, match=r"nothing is being recorded: .*File too large"):
         recorder.control(m.RecorderControl(action=STOP))
     status = last_status(recorder.control(m.RecorderControl(action=START, run="again")))
     assert (status.is_recording, status.text, status.channels) == (True, "", ())
