@@ -9,12 +9,14 @@ from types import FrameType
 import typer
 
 from cli import (
+    bag_commands,
     cloud_commands,
     config_commands,
     eval_commands,
     map_commands,
     pipeline_commands,
     record_commands,
+    replay_commands,
     robot_commands,
     sensor_commands,
     sim_commands,
@@ -35,6 +37,8 @@ pipeline_commands.register(app)
 map_commands.register(app)
 eval_commands.register(app)
 sweep_commands.register(app)
+replay_commands.register(app)
+app.add_typer(bag_commands.app, name="bag", help="Look into recordings, verify, recover and convert them.")
 app.add_typer(cloud_commands.app, name="cloud", help="Find planes in clouds, filter and save them.")
 app.add_typer(record_commands.app, name="record", help="Start and stop recordings, and see what they hold.")
 app.add_typer(robot_commands.app, name="robot", help="Command the robot and read its state.")

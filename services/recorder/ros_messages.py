@@ -111,7 +111,7 @@ def _foot_target(target: m.FootTarget, stamp_ns: int) -> object:
     return ros.new("geometry_msgs/msg/PoseStamped", header=ros.header(stamp_ns, "world"), pose=ros.pose(pose))
 
 
-def _control(control: m.SimControl | m.RecorderControl, _stamp_ns: int) -> object:
+def _control(control: m.SimControl | m.RecorderControl | m.ReplayControl, _stamp_ns: int) -> object:
     """The JSON that could have been typed."""
     return ros.string(json.dumps({key: value for key, value in to_jsonable(control).items() if value is not None}))
 
@@ -292,6 +292,7 @@ ROS_FORMS: Mapping[type[m.Message], RosForm] = {
     m.FootTarget: RosForm("geometry_msgs/msg/PoseStamped", _foot_target),
     m.SimControl: RosForm("std_msgs/msg/String", _control),
     m.RecorderControl: RosForm("std_msgs/msg/String", _control),
+    m.ReplayControl: RosForm("std_msgs/msg/String", _control),
     m.JointState: RosForm("sensor_msgs/msg/JointState", _joints),
     m.ActuatorState: RosForm("sensor_msgs/msg/JointState", _actuators),
     m.LegState: RosForm("hyrecro_msgs/msg/LegState", _leg_state),

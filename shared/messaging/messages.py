@@ -35,6 +35,7 @@ from shared.messaging.values import (
     Pose as Pose,
     Poses as Poses,
     RecorderAction as RecorderAction,
+    ReplayAction as ReplayAction,
     Severity as Severity,
     SimAction as SimAction,
     Vector as Vector,
@@ -195,6 +196,31 @@ class RecorderControl(Message):
         Message.__post_init__(self)
         if (self.run or self.channels) and self.action is not RecorderAction.START:
             raise MessageError("run and channels belong to the action start")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReplayControl(Message):
+    """What a replay shall do. At least one field is given; all that are given are carried out, `seek_s` first.
+
+    seek_s: goes on from so many seconds after the recording's first message. speed: recorded seconds a second.
+
+    Raises:
+        MessageError: nothing is asked for, a time before the recording, or a speed that is not above 0.
+    """
+
+    SHORTHAND: ClassVar[str | None] = "action"
+    action: ReplayAction | None = None
+    seek_s: float | None = None
+    speed: float | None = None
+
+    def __post_init__(self) -> None:
+        Message.__post_init__(self)
+        if self.action is None and self.seek_s is None and self.speed is None:
+            raise MessageError("one of action, seek_s, speed must be given")
+        if self.seek_s is not None and self.seek_s < 0:
+            raise MessageError(f"seek_s is {self.seek_s:g}, must not be negative")
+        if self.speed is not None and self.speed <= 0:
+            raise MessageError(f"speed is {self.speed:g}, must be above 0")
 
 
 # ---- the robot

@@ -86,3 +86,11 @@ class RecorderAction(enum.Enum):
 
     START = "start"
     STOP = "stop"
+
+
+class ReplayAction(enum.Enum):
+    """What can be asked of a replay."""
+
+    PAUSE = "pause"
+    RESUME = "resume"
+    STEP = "step"

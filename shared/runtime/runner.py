@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
@@ -27,7 +27,7 @@ from shared.runtime.config_loading import DEFAULT_CONFIG, load_config
 from shared.runtime.exit_codes import Exit
 from shared.runtime.health import Traffic
 from shared.runtime.logs import configure_logs
-from shared.runtime.node import Context, Node
+from shared.runtime.node import Addressed, Context, Messages, Node
 
 log = structlog.get_logger()
 
@@ -144,7 +144,7 @@ class ServiceLoop:
     def run(self, is_stopping: Callable[[], bool]) -> None:
         """Serves until the node is done or `is_stopping`; then the node's last messages and a last heartbeat go out."""
         node = self._node
-        for channel in self._routes.values():
+        for channel in dict.fromkeys((*node.outputs, *self._routes.values())):
             self._bus.advertise(channel)
         for channel in node.inputs:
             is_answered = not node.is_observer or channel in node.answers
@@ -221,16 +221,21 @@ class ServiceLoop:
         if parcel.reply is not None:
             parcel.reply(False, reason)
 
-    def _send(self, messages: Iterable[Message]) -> None:
-        for message in messages:
-            if isinstance(message, Event):
-                message = replace(message, seq=self._num_events)
-                self._num_events += 1
-                log.log(_LOG_LEVELS[message.severity], "refused" if message.refused_key else "event", text=message.text)
-            channel = self._routes[type(message)]
+    def _send(self, messages: Messages) -> None:
+        for said in messages:
+            channel, message = self._addressed(said)
             self._bus.publish(channel, message)
             seq, stamp_ns = (message.seq, message.stamp_ns) if isinstance(message, Measurement) else (None, None)
             self._traffic.sent(channel.key_expr, seq=seq, stamp_ns=stamp_ns)
+
+    def _addressed(self, said: Message | Addressed) -> tuple[Channel, Message]:
+        if isinstance(said, Addressed):
+            return said.channel, said.message
+        if isinstance(said, Event):
+            said = replace(said, seq=self._num_events)
+            self._num_events += 1
+            log.log(_LOG_LEVELS[said.severity], "refused" if said.refused_key else "event", text=said.text)
+        return self._routes[type(said)], said
 
     def _send_health(self) -> None:
         now_s = time.monotonic()

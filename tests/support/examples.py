@@ -24,6 +24,7 @@ EXAMPLES: tuple[m.Message, ...] = (
     m.SimControl(seed=5, real_time_factor=0.5),
     m.RecorderControl(action=m.RecorderAction.START, run="climb", channels=("lidar/*", "tf")),
     m.RecorderControl(action=m.RecorderAction.STOP),
+    m.ReplayControl(action=m.ReplayAction.PAUSE, seek_s=12.5, speed=2.0),
     m.JointState(**_AT, frame="foot_a", q=np.arange(8.0), dq=np.zeros(8)),
     m.ActuatorState(**_AT, frame="foot_a", positions=np.linspace(0.2, 0.24, 10), velocities=np.zeros(10)),
     m.LegState(**_AT, frame="world", fixed_foot=m.Foot.A, T_world_foot=_POSE),
