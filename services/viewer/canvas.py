@@ -1,0 +1,61 @@
+"""Where drawings go: one Rerun recording, sent to a viewer or written to a file."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import rerun as rr
+from rerun.urdf import UrdfTree
+
+from services.viewer.drawing import Drawn, Model
+
+APPLICATION = "hyrecro"
+TIMELINE = "time"
+"""Simulated time, as a duration."""
+
+
+class Canvas:
+    """A new recording with a layout. It goes nowhere before `connect` or `save`."""
+
+    def __init__(self, layout: Any) -> None:
+        self._stream = rr.RecordingStream(APPLICATION, send_properties=False)
+        self._layout = layout
+
+    def connect(self, url: str) -> None:
+        """Sends everything to the viewer at this URL, which has to be there."""
+        self._stream.connect_grpc(url)
+        self._stream.send_blueprint(self._layout)
+
+    def save(self, path: Path) -> None:
+        """Writes everything to an .rrd file."""
+        self._stream.save(path, default_blueprint=self._layout)
+
+    def draw(self, drawn: Iterable[Drawn]) -> None:
+        """Adds drawings; waits where the viewer is behind by more than its connection holds."""
+        for item in drawn:
+            if isinstance(item, Model):
+                self._add_model(item)
+            elif item.stamp_ns is None:
+                self._stream.log(item.entity, *item.archetypes, static=True)
+            else:
+                self._stream.set_time(TIMELINE, duration=item.stamp_ns * 1e-9)
+                self._stream.log(item.entity, *item.archetypes)
+
+    def flush(self) -> None:
+        """Returns when everything so far is with the viewer or in the file."""
+        self._stream.flush()
+
+    def close(self) -> None:
+        """Ends the recording. Idempotent."""
+        self._stream.disconnect()
+
+    def _add_model(self, model: Model) -> None:
+        # Rerun reads URDF from files alone.
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"{model.entity}.urdf"
+            path.write_text(model.urdf)
+            tree = UrdfTree.from_file_path(path, model.entity, static_transform_entity_path=f"{model.entity}/joints")
+            tree.log_urdf_to_recording(self._stream)

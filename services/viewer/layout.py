@@ -1,0 +1,74 @@
+"""The layout of the scene in Rerun: everything in space on the left, image, curves and words beside it."""
+
+from __future__ import annotations
+
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.encodings import TimeRangeBoundary
+
+from services.viewer import colours
+from services.viewer.canvas import TIMELINE
+from services.viewer.scene import ESTIMATED_TRAIL, FIXED_FOOT_STATE, ROBOT, STRUCTURE, TRUE_TRAIL
+from shared.messaging import channels as c
+
+_EYE_TARGET_M = (0.0, -0.775, 10.25)
+_EYE_POSITION_M = (1.1, -2.2, 10.95)
+"""World: about two metres from the first foothold in the original world. When following, only the offset counts."""
+_FOLLOWED = f"/{ROBOT}/hyrecro/visual_geometries/hip/visual_0"
+"""Where Rerun puts the first visual of link `hip` of the URDF called `hyrecro`: the eye follows it."""
+
+
+def robot_layout(root_frame: str = "world") -> rrb.Blueprint:
+    """The layout for a robot, live or recorded. What it does not send leaves its place empty."""
+    status, metrics, legs = c.MAP_STATUS.key, c.EVAL_METRICS.key, c.LEG_STATE.key
+    curves = rrb.Vertical(
+        rrb.Spatial2DView(origin=c.DEPTH_IMAGE.key, name="Depth"),
+        rrb.TimeSeriesView(origin=c.JOINTS_STATE.key, name="Joints (rad; q2, q7 in m)"),
+        rrb.StateTimelineView(origin=FIXED_FOOT_STATE, name="Fixed foot"),
+        _curves("Registration (ms)", status, "registration_ms", "lag_ms"),
+        _curves("Score (0..1), scans lost", status, "score", "lost_scans"),
+        _curves("Slip, error against the truth (mm)", "/", f"{status}/slip_mm", f"{metrics}/last_error_mm"),
+        _curves("Holding margin (1 unloaded, 0 lets go)", legs, "margin"),
+        row_shares=[3, 2.5, 1.4, 1.7, 1.7, 1.7, 1.7],
+    )
+    words = rrb.TextLogView(
+        origin="/", contents=[f"/{c.EVENTS.key}", f"/{c.FOOT_STATUS.key}", "/health/**"], name="Events"
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(space_view(root_frame), words, row_shares=[6, 1]), curves, column_shares=[3, 2]
+        ),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        auto_views=False,
+    )
+
+
+def space_view(root_frame: str) -> rrb.Spatial3DView:
+    """Everything that has a place. Trails are drawn from their beginning up to the time that is shown."""
+    so_far = rrb.VisibleTimeRanges(
+        timeline=TIMELINE, start=TimeRangeBoundary.infinite(), end=TimeRangeBoundary.cursor_relative()
+    )
+    return rrb.Spatial3DView(
+        origin="/",
+        contents=["/**", f"- /{c.DEPTH_IMAGE.key}"],
+        name="Robot, structure, scan by range, map, planes, trajectory (pink) on the truth (white)",
+        defaults=[rr.Boxes3D.from_fields(fill_mode="solid"), rr.Cylinders3D.from_fields(fill_mode="solid")],
+        overrides={TRUE_TRAIL: so_far, ESTIMATED_TRAIL: so_far},
+        spatial_information=rrb.SpatialInformation(target_frame=root_frame, show_axes=False),
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            position=_EYE_POSITION_M,
+            look_target=_EYE_TARGET_M,
+            eye_up=(0.0, 0.0, 1.0),
+            tracking_entity=_FOLLOWED,
+        ),
+        background=colours.BACKGROUND,
+        line_grid=False,
+    )
+
+
+def _curves(name: str, origin: str, *names: str) -> rrb.TimeSeriesView:
+    root = f"/{origin}".rstrip("/")
+    return rrb.TimeSeriesView(origin=f"/{origin}", contents=[f"{root}/{each}" for each in names], name=name)
