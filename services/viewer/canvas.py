@@ -7,10 +7,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import rerun as rr
 from rerun.urdf import UrdfTree
 
-from services.viewer.drawing import Drawn, Model
+from services.viewer.drawing import Drawn, Edges, Model
 
 APPLICATION = "hyrecro"
 TIMELINE = "time"
@@ -38,6 +39,8 @@ class Canvas:
         for item in drawn:
             if isinstance(item, Model):
                 self._add_model(item)
+            elif isinstance(item, Edges):
+                self._add_edges(item)
             elif item.stamp_ns is None:
                 self._stream.log(item.entity, *item.archetypes, static=True)
             else:
@@ -51,6 +54,16 @@ class Canvas:
     def close(self) -> None:
         """Ends the recording. Idempotent."""
         self._stream.disconnect()
+
+    def _add_edges(self, edges: Edges) -> None:
+        times = rr.TimeColumn(TIMELINE, duration=np.full(len(edges.children), edges.stamp_ns * 1e-9))
+        columns = rr.Transform3D.columns(
+            translation=edges.T_parent_child[:, :3],
+            quaternion=edges.T_parent_child[:, 3:],
+            parent_frame=edges.parents,
+            child_frame=edges.children,
+        )
+        self._stream.send_columns(edges.entity, [times], columns)
 
     def _add_model(self, model: Model) -> None:
         # Rerun reads URDF from files alone.

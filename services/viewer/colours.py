@@ -12,7 +12,7 @@ MAP = (96, 118, 150)
 TRUE_TRAIL = (250, 250, 250)
 ESTIMATED_TRAIL = (255, 60, 172)
 
-MAX_RANGE_M = 6.0
+MAX_RANGE_M = 4.0
 """Points that far or farther have the last colour."""
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
@@ -23,4 +26,15 @@ class Model:
     urdf: str
 
 
-Drawn = Drawing | Model
+@dataclass(frozen=True, slots=True)
+class Edges:
+    """Edges of the frame tree, row by row, all at one entity path: T_parent_child (N, 7), metres and x y z w."""
+
+    entity: str
+    parents: tuple[str, ...]
+    children: tuple[str, ...]
+    T_parent_child: NDArray[np.float64]
+    stamp_ns: int
+
+
+Drawn = Drawing | Model | Edges

@@ -10,6 +10,7 @@ from services.viewer import colours
 from services.viewer.canvas import TIMELINE
 from services.viewer.scene import ESTIMATED_TRAIL, FIXED_FOOT_STATE, ROBOT, STRUCTURE, TRUE_TRAIL
 from shared.messaging import channels as c
+from shared.messaging.messages import JOINT_NAMES
 
 _EYE_TARGET_M = (0.0, -0.775, 10.25)
 _EYE_POSITION_M = (1.1, -2.2, 10.95)
@@ -23,7 +24,7 @@ def robot_layout(root_frame: str = "world") -> rrb.Blueprint:
     status, metrics, legs = c.MAP_STATUS.key, c.EVAL_METRICS.key, c.LEG_STATE.key
     curves = rrb.Vertical(
         rrb.Spatial2DView(origin=c.DEPTH_IMAGE.key, name="Depth"),
-        rrb.TimeSeriesView(origin=c.JOINTS_STATE.key, name="Joints (rad; q2, q7 in m)"),
+        _joints_view(),
         rrb.StateTimelineView(origin=FIXED_FOOT_STATE, name="Fixed foot"),
         _curves("Registration (ms)", status, "registration_ms", "lag_ms"),
         _curves("Score (0..1), scans lost", status, "score", "lost_scans"),
@@ -32,7 +33,7 @@ def robot_layout(root_frame: str = "world") -> rrb.Blueprint:
         row_shares=[3, 2.5, 1.4, 1.7, 1.7, 1.7, 1.7],
     )
     words = rrb.TextLogView(
-        origin="/", contents=[f"/{c.EVENTS.key}", f"/{c.FOOT_STATUS.key}", "/health/**"], name="Events"
+        origin="/", contents=[f"/{c.EVENTS.key}", f"/{c.FOOT_STATUS.key}", f"/{c.RECORDER_STATUS.key}"], name="Events"
     )
     return rrb.Blueprint(
         rrb.Horizontal(
@@ -67,6 +68,12 @@ def space_view(root_frame: str) -> rrb.Spatial3DView:
         background=colours.BACKGROUND,
         line_grid=False,
     )
+
+
+def _joints_view() -> rrb.TimeSeriesView:
+    joints = rr.SeriesLines.from_fields(names=JOINT_NAMES).visualizer()
+    name = "Joints (rad; q2, q7 in m)"
+    return rrb.TimeSeriesView(origin=c.JOINTS_STATE.key, name=name, overrides={c.JOINTS_STATE.key: joints})
 
 
 def _curves(name: str, origin: str, *names: str) -> rrb.TimeSeriesView:

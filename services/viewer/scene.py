@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 
 from services.viewer import colours
-from services.viewer.drawing import Drawing, Drawn, Model
+from services.viewer.drawing import Drawing, Drawn, Edges, Model
 from services.viewer.trail import Trail
 from shared.errors import MessageError
 from shared.geometry import SE3
@@ -33,6 +33,7 @@ _MAP_RADIUS_M = 0.005
 _TRUE_RADIUS, _ESTIMATED_RADIUS = 3.5, 1.4
 _OUTLINE_RADIUS = 1.2
 """Radii without unit are in points of the screen: they look alike from near and far."""
+_STEP_M, _DASH_M = 0.005, 0.02
 _CAMERA_SIZE_M = 0.12
 _ESTIMATED_SUFFIX = "_estimated"
 
@@ -48,7 +49,7 @@ class Scene:
 
     def __init__(self) -> None:
         self._drawn_ns: dict[Channel, int] = {}
-        self._true_trail, self._estimated_trail = Trail(), Trail()
+        self._true_trail, self._estimated_trail = Trail(_DASH_M, is_dashed=True), Trail(_STEP_M)
         self._sensor_frame: str | None = None
         self._said: dict[str, object] = {}
 
@@ -60,6 +61,10 @@ class Scene:
             return False
         self._drawn_ns[channel] = stamp_ns
         return True
+
+    def has_picture(self, channel: Channel) -> bool:
+        """Whether messages of this channel are drawn at all."""
+        return channel.message in _DRAW
 
     def draw(self, channel: Channel, message: m.Message) -> Iterable[Drawn]:
         """What this message changes; nothing for channels that have no picture."""
@@ -78,9 +83,7 @@ class Scene:
         yield Model(STRUCTURE, description.urdf)
 
     def _transforms(self, entity: str, transforms: m.Transforms) -> Iterable[Drawn]:
-        edges = zip(transforms.parents, transforms.children, transforms.T_parent_child, strict=True)
-        for parent, child, pose in edges:
-            yield Drawing(f"{entity}/{child}", (_edge(parent, child, pose),), transforms.stamp_ns)
+        yield Edges(entity, transforms.parents, transforms.children, transforms.T_parent_child, transforms.stamp_ns)
         if self._sensor_frame is not None:
             try:
                 position_m = FrameTree(transforms).T_root(self._sensor_frame).translation
@@ -90,8 +93,8 @@ class Scene:
 
     def _odometry(self, entity: str, odometry: m.Odometry) -> Iterable[Drawn]:
         self._sensor_frame = odometry.child_frame.removesuffix(_ESTIMATED_SUFFIX)
-        edge = _edge(odometry.frame, odometry.child_frame, odometry.T_frame_child)
-        yield Drawing(entity, (edge,), odometry.stamp_ns)
+        pose = odometry.T_frame_child[np.newaxis]
+        yield Edges(entity, (odometry.frame,), (odometry.child_frame,), pose, odometry.stamp_ns)
         position_m = SE3.from_xyz_quat_xyzw(odometry.T_frame_child).translation
         yield from _trail(ESTIMATED_TRAIL, self._estimated_trail, position_m, odometry.frame, odometry.stamp_ns)
 
@@ -138,7 +141,7 @@ class Scene:
     # ---- curves and words
 
     def _joints(self, entity: str, joints: m.JointState) -> Iterable[Drawn]:
-        return _curves(entity, joints.stamp_ns, dict(zip(m.JOINT_NAMES, joints.q.tolist(), strict=True)))
+        yield Drawing(entity, (rr.Scalars(joints.q),), joints.stamp_ns)
 
     def _legs(self, entity: str, legs: m.LegState) -> Iterable[Drawn]:
         yield from _curves(entity, legs.stamp_ns, {"margin": legs.margin})
@@ -168,22 +171,17 @@ class Scene:
     def _event(self, entity: str, event: m.Event) -> Iterable[Drawn]:
         yield _line(entity, f"[{event.source}] {event.text}", event.severity, event.stamp_ns)
 
-    def _health(self, entity: str, health: m.Health) -> Iterable[Drawn]:
-        """Only what a recorder lost: the heartbeats of the others count what was superseded, which is no loss."""
-        lost = {count.key: count.num_missed + count.num_dropped for count in health.channels}
-        lost = {key: num for key, num in lost.items() if num}
-        if health.service == "recorder" and lost and self._is_news(entity, lost):
+    def _recorder(self, entity: str, status: m.RecorderStatus) -> Iterable[Drawn]:
+        counts = {record.key: record.num_lost_on_bus + record.num_lost_to_disk for record in status.channels}
+        lost = {key: num for key, num in counts.items() if num}
+        if lost and self._is_news(entity, lost):
             text = "[recorder] lost so far: " + ", ".join(f"{num} of {key}" for key, num in lost.items())
-            yield _line(entity, text, m.Severity.WARNING, health.stamp_ns)
+            yield _line(entity, text, m.Severity.WARNING, status.stamp_ns)
 
     def _is_news(self, entity: str, said: object) -> bool:
         is_news = self._said.get(entity) != said
         self._said[entity] = said
         return is_news
-
-
-def _edge(parent: str, child: str, pose: Any) -> Any:
-    return rr.Transform3D(translation=pose[:3], quaternion=pose[3:], parent_frame=parent, child_frame=child)
 
 
 def _trail(entity: str, trail: Trail, position_m: Any, frame: str, stamp_ns: int) -> Iterable[Drawn]:
@@ -234,5 +232,5 @@ _DRAW: dict[type[m.Message], Callable[[Scene, str, Any], Iterable[Drawn]]] = {
     m.TrackingMetrics: Scene._metrics,
     m.FootStatus: Scene._foot_status,
     m.Event: Scene._event,
-    m.Health: Scene._health,
+    m.RecorderStatus: Scene._recorder,
 }
