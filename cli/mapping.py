@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cli.scan_sources import ScanSource, Warn
 from services.evaluator.map_accuracy import num_points_off_planes
+from services.mapper.in_turn import InTurn
 from services.mapper.mapper import Mapper, Registered
 from services.mapper.node import inputs_of, load_mapper
 from services.mapper.priors.interface import Prior
@@ -20,9 +21,7 @@ from services.mapper.warming import warm_up
 from services.mapper.whole_run import refined
 from shared.geometry import SE3
 from shared.messaging.messages import (
-    DepthImage,
     Event,
-    LidarScan,
     MapStatus,
     Message,
     Odometry,
@@ -76,18 +75,23 @@ def map_scans(
     mapper = load_mapper(config.mapper.model_copy(update=_NO_MAPS), time.perf_counter_ns, prior=prior)
     if is_refining:
         warm_up(config.mapper, is_refining=True)
-    inputs = inputs_of(mapper, config.mapper, time.perf_counter_ns)
-    handlers = {channel.message: handler for channel, handler in inputs.items()}
     run = MapRun()
     kept: list[Registered] = []
-    for message in source.messages(warn):
-        said = list(handlers[type(message)](message))
-        for answer in said:
-            _note(run, answer, source)
-        if isinstance(message, LidarScan | DepthImage) and said:
-            if is_refining and mapper.last is not None:
-                kept.append(mapper.last)
+
+    def note(said: list[Message]) -> None:
+        if said and is_refining and mapper.last is not None:
+            kept.append(mapper.last)
+        if said:
             on_scan(mapper, said)
+
+    in_turn = InTurn(mapper, config.mapper, note)
+    inputs = inputs_of(mapper, in_turn, config.mapper, time.perf_counter_ns)
+    handlers = {channel.message: handler for channel, handler in inputs.items()}
+    for message in source.messages(warn):
+        for answer in handlers[type(message)](message):
+            _note(run, answer, source)
+    for answer in in_turn.finish():
+        _note(run, answer, source)
     run.map_points_m, run.planes = mapper.target.points_m, mapper.map_planes()
     if is_refining and any(run.is_tracked):
         started_ns = time.perf_counter_ns()

@@ -71,7 +71,7 @@ class Recording:
         wanted = {topic: channel for topic in self._topics for channel in channels if _is_topic_of(topic, channel)}
         with self.path.open("rb") as file:
             for _, recorded, record in make_reader(file).iter_messages(topics=list(wanted)):
-                yield from_cdr(wanted[recorded.topic], record.data, record.sequence)
+                yield from_cdr(wanted[recorded.topic], record.data, record.sequence, record.publish_time)
 
 
 def _is_topic_of(topic: str, channel: Channel) -> bool:

@@ -1,32 +1,41 @@
-"""ROS 2 CDR bytes as messages again: the other way of `ros_messages`, for what reports need."""
+"""ROS 2 CDR bytes as messages again: the other way of `ros_messages`.
+
+What a ROS type has no place for comes back as its default: a clock's pace, a depth image's ground truth, the frame of
+a description, which is its root link. Of commands see `ros_command_reading`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from services.recorder import ros_schemas as ros
+from services.recorder import ros_command_reading as commands, ros_schemas as ros, ros_sensor_reading as sensors
 from services.recorder.ros_messages import LOG_LEVELS
+from services.recorder.ros_sensor_reading import stamp_ns_of
 from shared.messaging import messages as m
 from shared.messaging.channels import Channel
+from shared.xml_reading import XmlError, root_of
 
 
-def from_cdr(channel: Channel, data: bytes, seq: int) -> m.Message:
+def from_cdr(channel: Channel, data: bytes, seq: int, stamp_ns: int = 0) -> m.Message:
     """The message of a channel that was recorded as these bytes.
+
+    stamp_ns: of the record, for what its ROS type has no time for: descriptions.
 
     Raises:
         ValueError: the channel's messages cannot be read back.
+        MessageError, or what the ROS library raises: the bytes are not such a message.
     """
     read = _FROM_ROS.get(channel.message)
     if read is None:
         raise ValueError(f"{channel.key}: its messages cannot be read back from a recording")
-    return read(ros.typestore().deserialize_cdr(data, channel.ros_type), seq)
-
-
-def _stamp_ns(stamp: Any) -> int:
-    return int(stamp.sec) * ros.NS_PER_S + int(stamp.nanosec)
+    message = read(ros.typestore().deserialize_cdr(data, channel.ros_type), seq)
+    if isinstance(message, m.RobotDescription | m.FixedFootDescription | m.StructureDescription):
+        return replace(message, stamp_ns=stamp_ns)
+    return message
 
 
 def _pose(position: Any, orientation: Any) -> list[float]:
@@ -37,7 +46,7 @@ def _pose(position: Any, orientation: Any) -> list[float]:
 def _transforms(ros_message: Any, seq: int) -> m.Transforms:
     edges = ros_message.transforms
     return m.Transforms(
-        stamp_ns=_stamp_ns(edges[0].header.stamp) if edges else 0,
+        stamp_ns=stamp_ns_of(edges[0].header.stamp) if edges else 0,
         seq=seq,
         frame=edges[0].header.frame_id if edges else "",
         parents=tuple(edge.header.frame_id for edge in edges),
@@ -46,52 +55,11 @@ def _transforms(ros_message: Any, seq: int) -> m.Transforms:
     )
 
 
-def _columns(ros_message: Any) -> Any:
-    formats = {field.name: (_DATATYPES[field.datatype], field.offset) for field in ros_message.fields}
-    dtype = np.dtype(
-        {
-            "names": list(formats),
-            "formats": [format_ for format_, _ in formats.values()],
-            "offsets": [offset for _, offset in formats.values()],
-            "itemsize": ros_message.point_step,
-        }
-    )
-    return np.frombuffer(ros_message.data, dtype=dtype)
-
-
-_DATATYPES = {4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4"}  # sensor_msgs/msg/PointField
-
-
-def _scan(ros_message: Any, seq: int) -> m.LidarScan:
-    table = _columns(ros_message)
-    truth = {name: table[name] for name in ("member", "face", "true_range_m") if name in table.dtype.names}
-    return m.LidarScan(
-        stamp_ns=_stamp_ns(ros_message.header.stamp),
-        seq=seq,
-        frame=ros_message.header.frame_id,
-        points_m=np.stack([table["x"], table["y"], table["z"]], axis=1),
-        intensity=table["intensity"],
-        t_ns=table["t"],
-        ring=table["ring"],
-        **truth,
-    )
-
-
-def _cloud(ros_message: Any, seq: int) -> m.PointCloud:
-    table = _columns(ros_message)
-    return m.PointCloud(
-        stamp_ns=_stamp_ns(ros_message.header.stamp),
-        seq=seq,
-        frame=ros_message.header.frame_id,
-        points_m=np.stack([table["x"], table["y"], table["z"]], axis=1),
-    )
-
-
 def _odometry(ros_message: Any, seq: int) -> m.Odometry:
     covariance = ros_message.pose.covariance.reshape(6, 6)
     pose = ros_message.pose.pose
     return m.Odometry(
-        stamp_ns=_stamp_ns(ros_message.header.stamp),
+        stamp_ns=stamp_ns_of(ros_message.header.stamp),
         seq=seq,
         frame=ros_message.header.frame_id,
         child_frame=ros_message.child_frame_id,
@@ -106,7 +74,7 @@ def _map_status(ros_message: Any, seq: int) -> m.MapStatus:
     values["degenerate_axes"] = tuple(values["degenerate_axes"])
     values["fitness"], values["leg_slip_m"] = _known(values["fitness"]), _known(values["leg_slip_m"])
     header = ros_message.header
-    return m.MapStatus(stamp_ns=_stamp_ns(header.stamp), seq=seq, frame=header.frame_id, **values)
+    return m.MapStatus(stamp_ns=stamp_ns_of(header.stamp), seq=seq, frame=header.frame_id, **values)
 
 
 def _known(value: float) -> float | None:
@@ -118,7 +86,7 @@ def _leg_state(ros_message: Any, seq: int) -> m.LegState:
     wrench = np.array([force.x, force.y, force.z, torque.x, torque.y, torque.z])
     pose = ros_message.foot_pose
     return m.LegState(
-        stamp_ns=_stamp_ns(ros_message.header.stamp),
+        stamp_ns=stamp_ns_of(ros_message.header.stamp),
         seq=seq,
         frame=ros_message.header.frame_id,
         fixed_foot=m.Foot(ros_message.fixed_foot),
@@ -133,7 +101,7 @@ def _leg_state(ros_message: Any, seq: int) -> m.LegState:
 
 def _joint_state(ros_message: Any, seq: int) -> m.JointState:
     return m.JointState(
-        stamp_ns=_stamp_ns(ros_message.header.stamp),
+        stamp_ns=stamp_ns_of(ros_message.header.stamp),
         seq=seq,
         frame=ros_message.header.frame_id,
         q=ros_message.position,
@@ -142,51 +110,102 @@ def _joint_state(ros_message: Any, seq: int) -> m.JointState:
     )
 
 
-def _imu(ros_message: Any, seq: int) -> m.Imu:
-    rate, acceleration = ros_message.angular_velocity, ros_message.linear_acceleration
-    return m.Imu(
-        stamp_ns=_stamp_ns(ros_message.header.stamp),
-        seq=seq,
-        frame=ros_message.header.frame_id,
-        angular_velocity_radps=np.array([rate.x, rate.y, rate.z]),
-        linear_acceleration_mps2=np.array([acceleration.x, acceleration.y, acceleration.z]),
-    )
-
-
-def _depth_image(ros_message: Any, seq: int) -> m.DepthImage:
-    return m.DepthImage(
-        stamp_ns=_stamp_ns(ros_message.header.stamp),
-        seq=seq,
-        frame=ros_message.header.frame_id,
-        height=ros_message.height,
-        width=ros_message.width,
-        depth_mm=ros_message.data.view("<u2"),
-    )
-
-
-def _camera_info(ros_message: Any, seq: int) -> m.CameraInfo:
-    K = ros_message.k.reshape(3, 3)
-    return m.CameraInfo(
-        stamp_ns=_stamp_ns(ros_message.header.stamp),
-        seq=seq,
-        frame=ros_message.header.frame_id,
-        height=ros_message.height,
-        width=ros_message.width,
-        fx=K[0, 0],
-        fy=K[1, 1],
-        cx=K[0, 2],
-        cy=K[1, 2],
-    )
-
-
 def _robot(ros_message: Any, seq: int) -> m.RobotDescription:
-    """A std_msgs/String has neither time nor frame: the robot's root link is named in its URDF."""
-    return m.RobotDescription(stamp_ns=0, seq=seq, frame="", urdf=ros_message.data)
+    return m.RobotDescription(stamp_ns=0, seq=seq, frame=_root_link(ros_message.data), urdf=ros_message.data)
+
+
+def _fixed_foot(ros_message: Any, seq: int) -> m.FixedFootDescription:
+    return m.FixedFootDescription(stamp_ns=0, seq=seq, frame=_root_link(ros_message.data), urdf=ros_message.data)
+
+
+def _root_link(urdf: str) -> str:
+    """The link of a URDF that is no joint's child; "" where there is none."""
+    try:
+        robot = root_of(urdf, "robot")
+    except XmlError:
+        return ""
+    children = {child.get("link") for child in robot.findall("joint/child")}
+    return next((name for link in robot.findall("link") if (name := link.get("name", "")) not in children), "")
+
+
+def _actuators(ros_message: Any, seq: int) -> m.ActuatorState:
+    return m.ActuatorState(
+        stamp_ns=stamp_ns_of(ros_message.header.stamp),
+        seq=seq,
+        frame=ros_message.header.frame_id,
+        positions=ros_message.position,
+        velocities=ros_message.velocity,
+    )
+
+
+def _foot_status(ros_message: Any, seq: int) -> m.FootStatus:
+    goal = ros_message.goal
+    return m.FootStatus(
+        stamp_ns=stamp_ns_of(ros_message.header.stamp),
+        seq=seq,
+        frame=ros_message.header.frame_id,
+        foot=m.Foot(ros_message.foot),
+        phase=m.FootPhase(ros_message.phase),
+        progress=ros_message.progress,
+        text=ros_message.text,
+        T_world_goal=np.array(_pose(goal.position, goal.orientation)) if ros_message.is_goal_known else None,
+        duration_s=_known(ros_message.duration_s),
+        margin=_known(ros_message.margin),
+    )
+
+
+def _clock(ros_message: Any, seq: int) -> m.Clock:
+    return m.Clock(stamp_ns=stamp_ns_of(ros_message.clock), seq=seq, frame="")
+
+
+def _plane_map(ros_message: Any, seq: int) -> m.PlaneMap:
+    header = ros_message.header
+    planes = tuple(_plane(plane) for plane in ros_message.planes)
+    return m.PlaneMap(stamp_ns=stamp_ns_of(header.stamp), seq=seq, frame=header.frame_id, planes=planes)
+
+
+def _plane(ros_plane: Any) -> m.Plane:
+    colour = ros_plane.color
+    return m.Plane(
+        id=ros_plane.id,
+        coefficients=ros_plane.coefficients,
+        num_inliers=ros_plane.num_inliers,
+        outline_m=np.array([[p.x, p.y, p.z] for p in ros_plane.outline.points]).reshape(-1, 3),
+        colour=np.array([colour.r, colour.g, colour.b]),
+    )
+
+
+def _metrics(ros_message: Any, seq: int) -> m.TrackingMetrics:
+    names = [name for name in m.TrackingMetrics.__dataclass_fields__ if name not in ("stamp_ns", "seq", "frame")]
+    values = {name: getattr(ros_message, name) for name in names}
+    for name in ("rpe_rmse_rad", "drift_m", "map_accuracy_mean_m", "map_accuracy_p95_m"):
+        values[name] = _known(values[name])
+    values["num_map_points"] = values["num_map_points"] or None
+    header = ros_message.header
+    return m.TrackingMetrics(stamp_ns=stamp_ns_of(header.stamp), seq=seq, frame=header.frame_id, **values)
+
+
+def _recorder_status(ros_message: Any, seq: int) -> m.RecorderStatus:
+    names = ("is_recording", "path", "num_files", "num_bytes", "free_bytes", "text")
+    header = ros_message.header
+    return m.RecorderStatus(
+        stamp_ns=stamp_ns_of(header.stamp),
+        seq=seq,
+        frame=header.frame_id,
+        channels=tuple(_channel_record(record) for record in ros_message.channels),
+        **{name: getattr(ros_message, name) for name in names},
+    )
+
+
+def _channel_record(ros_record: Any) -> m.ChannelRecord:
+    values = {name: getattr(ros_record, name) for name in m.ChannelRecord.__dataclass_fields__}
+    values["num_published"] = None if values["num_published"] < 0 else values["num_published"]
+    return m.ChannelRecord(**values)
 
 
 def _event(ros_message: Any, seq: int) -> m.Event:
     return m.Event(
-        stamp_ns=_stamp_ns(ros_message.stamp),
+        stamp_ns=stamp_ns_of(ros_message.stamp),
         seq=seq,
         frame="",
         source=ros_message.name,
@@ -209,7 +228,7 @@ def _health(ros_message: Any, seq: int) -> m.Health:
         if key:
             counts.setdefault(key, {})[counter] = int(value)
     return m.Health(
-        stamp_ns=_stamp_ns(ros_message.header.stamp),
+        stamp_ns=stamp_ns_of(ros_message.header.stamp),
         seq=seq,
         frame=ros_message.header.frame_id,
         service=status.name,
@@ -222,15 +241,28 @@ def _health(ros_message: Any, seq: int) -> m.Health:
 
 _FROM_ROS: dict[type[m.Message], Callable[[Any, int], m.Message]] = {
     m.JointState: _joint_state,
-    m.Imu: _imu,
-    m.DepthImage: _depth_image,
-    m.CameraInfo: _camera_info,
+    m.Imu: sensors.imu,
+    m.DepthImage: sensors.depth_image,
+    m.CameraInfo: sensors.camera_info,
     m.RobotDescription: _robot,
+    m.JointTarget: commands.joint_target,
+    m.LegTarget: commands.leg_target,
+    m.ActuatorTarget: commands.actuator_target,
+    m.FootTarget: commands.foot_target,
+    m.SimControl: commands.sim_control,
+    m.RecorderControl: commands.recorder_control,
+    m.ActuatorState: _actuators,
     m.LegState: _leg_state,
+    m.FootStatus: _foot_status,
+    m.Clock: _clock,
+    m.FixedFootDescription: _fixed_foot,
+    m.PlaneMap: _plane_map,
+    m.TrackingMetrics: _metrics,
+    m.RecorderStatus: _recorder_status,
     m.Event: _event,
     m.Transforms: _transforms,
-    m.LidarScan: _scan,
-    m.PointCloud: _cloud,
+    m.LidarScan: sensors.scan,
+    m.PointCloud: sensors.cloud,
     m.Odometry: _odometry,
     m.MapStatus: _map_status,
     m.StructureDescription: _structure,

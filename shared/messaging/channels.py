@@ -52,6 +52,10 @@ class Channel:
         """The concrete channel of one service, for a key that ends in `*`."""
         return replace(self, key=self.key.replace("*", service), topic=self.topic.replace("*", service))
 
+    def every(self) -> Channel:
+        """The channel for who needs each of its messages, not only the newest."""
+        return replace(self, delivery=Delivery.EVERY)
+
     def of_sensor(self, sensor: str) -> Channel:
         """The channel of another sensor of the same kind: `lidar_rear/points` of `lidar/points`."""
         _, _, rest = self.key.partition("/")

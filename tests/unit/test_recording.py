@@ -81,9 +81,3 @@ def test_what_is_no_recording(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(InputFileError, match=r"run\.mcap: not a complete recording"):
         Recording(path)
-
-
-def test_what_cannot_be_read_back_is_said(tmp_path):
-    recording = recorded(tmp_path, (CLOCK, Clock(stamp_ns=0, seq=0, frame="")))
-    with pytest.raises(ValueError, match="clock: its messages cannot be read back"):
-        list(recording.messages(CLOCK))
