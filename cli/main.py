@@ -19,6 +19,7 @@ from cli import (
     sim_commands,
     structure_commands,
     sweep_commands,
+    view_commands,
 )
 from shared.errors import ConfigError, HyrecroError, InputFileError
 from shared.runtime.exit_codes import Exit
@@ -34,6 +35,7 @@ pipeline_commands.register(app)
 map_commands.register(app)
 eval_commands.register(app)
 sweep_commands.register(app)
+view_commands.register(app)
 app.add_typer(cloud_commands.app, name="cloud", help="Find planes in clouds, filter and save them.")
 app.add_typer(robot_commands.app, name="robot", help="Command the robot and read its state.")
 app.add_typer(sensor_commands.app, name="sensor", help="See what the sensors see.")

@@ -62,10 +62,6 @@ class Scene:
         self._drawn_ns[channel] = stamp_ns
         return True
 
-    def has_picture(self, channel: Channel) -> bool:
-        """Whether messages of this channel are drawn at all."""
-        return channel.message in _DRAW
-
     def draw(self, channel: Channel, message: m.Message) -> Iterable[Drawn]:
         """What this message changes; nothing for channels that have no picture."""
         draw = _DRAW.get(type(message))
@@ -234,3 +230,8 @@ _DRAW: dict[type[m.Message], Callable[[Scene, str, Any], Iterable[Drawn]]] = {
     m.Event: Scene._event,
     m.RecorderStatus: Scene._recorder,
 }
+
+
+def has_picture(channel: Channel) -> bool:
+    """Whether messages of this channel are drawn at all. The depth camera's cloud is not: its image says the same."""
+    return channel.message in _DRAW and channel.is_recorded

@@ -1,0 +1,99 @@
+"""Brings a recording, or a robot, to a Rerun viewer."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from cli.playback import progress_bar
+from cli.rerun_viewer import RerunViewer
+from services.recorder.file_order import FileOrderReading
+from services.viewer.canvas import Canvas
+from services.viewer.layout import robot_layout
+from services.viewer.live import LiveView
+from services.viewer.node import node_of
+from services.viewer.scene import Scene, has_picture
+from shared.errors import BusError, InputFileError
+from shared.messaging.bus import is_reachable
+from shared.messaging.messages import Measurement
+from shared.runtime.config import Config
+from shared.runtime.logs import configure_logs
+from shared.runtime.node import Context
+from shared.runtime.runner import run_node
+
+_PROGRESS_EVERY = 200
+
+
+@dataclass
+class Shown:
+    """newest_ns: simulated time of the newest drawing. problems: what could not be shown, a sentence each."""
+
+    newest_ns: int
+    problems: list[str] = field(default_factory=list)
+
+
+def show_recording(reading: FileOrderReading, viewer: RerunViewer, is_stopping: Callable[[], bool]) -> Shown:
+    """Draws a recording from its head on, until its end, or until the viewer is closed or `is_stopping`.
+
+    Raises:
+        InputFileError: nothing in it has a picture.
+    """
+    scene, canvas = Scene(), Canvas(robot_layout())
+    canvas.connect(viewer.url)
+    newest_ns = -1
+    messages = reading.messages(lambda channel, ns: has_picture(channel) and scene.is_due(channel, ns))
+    with progress_bar() as progress:
+        task = progress.add_task("drawing", total=reading.num_bytes)
+        for number, (channel, message) in enumerate(messages):
+            canvas.draw(scene.draw(channel, message))
+            if isinstance(message, Measurement):
+                newest_ns = max(newest_ns, message.stamp_ns)
+            if number % _PROGRESS_EVERY == 0:
+                progress.update(task, completed=reading.num_read)
+                if is_stopping() or not viewer.is_running():
+                    return Shown(newest_ns)
+        canvas.flush()
+    if newest_ns < 0:
+        raise InputFileError(f"{reading.path}: holds no message that could be drawn")
+    return Shown(newest_ns, _problems_of(reading))
+
+
+def _problems_of(reading: FileOrderReading) -> list[str]:
+    problems = []
+    if reading.is_truncated:
+        problems.append(
+            f"{reading.path}: has no proper end; what is readable is shown. `hyrecro bag recover` makes a whole file of it"
+        )
+    if reading.num_unreadable:
+        counts = ", ".join(f"{num} of {topic}" for topic, num in reading.num_unreadable.items())
+        problems.append(f"{reading.path}: messages that cannot be read, of another version: {counts}")
+    return problems
+
+
+def show_live(config: Config, viewer: RerunViewer, picture_s: float | None, is_stopping: Callable[[], bool]) -> Shown:
+    """Draws what the robot says until the viewer is closed or `is_stopping`; waits for a pipeline, and for the next.
+
+    picture_s: ends when so much simulated time has been drawn; None = no such end.
+    """
+    configure_logs(verbosity=-1)
+    endpoint = config.bus.endpoint
+    if not is_reachable(endpoint):
+        print(f"hyrecro: no router at {endpoint} yet; waiting for one", file=sys.stderr)
+    while True:
+        canvas = Canvas(robot_layout())
+        canvas.connect(viewer.url)
+        view = LiveView(canvas)
+
+        def is_ending(view: LiveView = view) -> bool:
+            is_enough = picture_s is not None and view.newest_ns is not None and view.newest_ns >= picture_s * 1e9
+            return is_enough or is_stopping() or not viewer.is_running()
+
+        with contextlib.suppress(BusError):  # no router yet
+            run_node(node_of(view, config, is_ending), config, Context(clock_ns=time.monotonic_ns), is_ending)
+        if viewer.is_running():
+            canvas.flush()
+        if is_ending():
+            return Shown(view.newest_ns or 0)
