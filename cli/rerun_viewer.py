@@ -166,7 +166,9 @@ class RerunViewer:
         self._log.seek(0)
         lines = [line for line in self._log.read().decode(errors="replace").splitlines() if line.strip()]
         said = next((line for line in reversed(lines) if "error" in line.lower()), lines[-1] if lines else "no reason")
-        return f"{said.strip()} (it needs a Vulkan driver; Debian and Ubuntu: mesa-vulkan-drivers)"
+        if "graphics adapter" in said:
+            return "there is no Vulkan driver; Debian and Ubuntu have one in mesa-vulkan-drivers"
+        return said.strip()
 
 
 def _has_display() -> bool:

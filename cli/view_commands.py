@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,7 @@ import typer
 
 from cli.options import DEFAULT_CONFIG, ConfigOption, SetOption, resolved
 
+_MEMORY = re.compile(r"[0-9]+(\.[0-9]+)?(%|[kMGT]i?B)")
 _FILE_MEMORY, _LIVE_MEMORY = "75%", "2GiB"
 
 
@@ -37,6 +39,8 @@ def view(
     from cli.rerun_viewer import Kind
     from cli.viewing import Request, run_view
 
+    if memory_limit is not None and not _MEMORY.fullmatch(memory_limit):
+        raise typer.BadParameter(f"--memory-limit {memory_limit}: must be like 2GiB or 50%")
     _check_usage(recording, is_live=live, is_web=web, screenshot=screenshot, time_s=time)
     kind = Kind.HEADLESS if screenshot is not None else Kind.PAGE if web else Kind.WINDOW
     request = Request(

@@ -55,7 +55,7 @@ def show_recording(reading: FileOrderReading, viewer: RerunViewer, is_stopping: 
                 progress.update(task, completed=reading.num_read)
                 if is_stopping() or not viewer.is_running():
                     return Shown(newest_ns)
-        canvas.flush()
+        canvas.close()
     if newest_ns < 0:
         raise InputFileError(f"{reading.path}: holds no message that could be drawn")
     return Shown(newest_ns, _problems_of(reading))
@@ -94,6 +94,6 @@ def show_live(config: Config, viewer: RerunViewer, picture_s: float | None, is_s
         with contextlib.suppress(BusError):  # no router yet
             run_node(node_of(view, config, is_ending), config, Context(clock_ns=time.monotonic_ns), is_ending)
         if viewer.is_running():
-            canvas.flush()
+            canvas.close()
         if is_ending():
             return Shown(view.newest_ns or 0)

@@ -41,7 +41,7 @@ class FileOrderReading:
         except InvalidMagic as error:
             raise InputFileError(f"{path}: is no MCAP file") from error
         except (OSError, McapError) as error:
-            raise InputFileError(f"{path}: cannot be read: {error or 'it is empty'}") from error
+            raise InputFileError(f"{path}: cannot be read: {_reason(error)}") from error
 
     def messages(self, is_wanted: Callable[[Channel, int], bool]) -> Iterator[tuple[Channel, Message]]:
         """The wanted messages: of what channels, from what times (ns) is asked before the costly decoding."""
@@ -76,6 +76,10 @@ class FileOrderReading:
         except (SerdeError, MessageError, ValueError):
             self.num_unreadable[channel.topic] += 1
             return None
+
+
+def _reason(error: Exception) -> str:
+    return (error.strerror if isinstance(error, OSError) else None) or "it ends before its first record"
 
 
 _BY_TOPIC = {channel.topic: channel for channel in CHANNELS}

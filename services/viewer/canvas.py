@@ -47,12 +47,9 @@ class Canvas:
                 self._stream.set_time(TIMELINE, duration=item.stamp_ns * 1e-9)
                 self._stream.log(item.entity, *item.archetypes)
 
-    def flush(self) -> None:
-        """Returns when everything so far is with the viewer or in the file."""
-        self._stream.flush()
-
     def close(self) -> None:
-        """Ends the recording. Idempotent."""
+        """Returns when everything is with the viewer or in the file. Idempotent."""
+        self._stream.flush()
         self._stream.disconnect()
 
     def _add_edges(self, edges: Edges) -> None:
