@@ -10,21 +10,28 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
-
-import rerun_cli
 
 from cli.pipeline import end_with_parent
 from shared.errors import HyrecroError
 from shared.messaging.bus import is_reachable
 
-_BINARY = Path(rerun_cli.__file__).parent / "rerun"
+_BINARY = Path(str(files("rerun_cli"))) / "rerun"
+DEFAULT_PORT = 9090
+DEFAULT_MEMORY = "75%"
 _HOST = "127.0.0.1"
+_RELAY_MEMORY = "64MiB"
+"""A window keeps what was drawn itself, so the server in its process, through which drawings come, need not."""
 _READY_TIMEOUT_S = 30.0
 _DRAW_TIMEOUT_S = 120.0
 _STOP_TIMEOUT_S = 5.0
 _WINDOW = "1600x960"
+
+
+def _never() -> bool:
+    return False
 
 
 class ViewerError(HyrecroError):
@@ -49,20 +56,21 @@ class RerunViewer:
         ViewerError: it cannot be shown here, or the port is taken.
     """
 
-    def __init__(self, kind: Kind, *, memory_limit: str, page_port: int) -> None:
+    def __init__(self, kind: Kind, *, memory_limit: str = DEFAULT_MEMORY, page_port: int = DEFAULT_PORT) -> None:
         if kind is Kind.WINDOW and sys.platform == "linux" and not _has_display():
             raise ViewerError("there is no display for a window: give --web for a page, or --screenshot OUT.png")
         if kind is Kind.PAGE and is_reachable(f"tcp/{_HOST}:{page_port}"):
             raise ViewerError(f"port {page_port} on {_HOST} is taken: give another by --port")
         port = _free_port()
+        self._kind = kind
         self.url = f"rerun+http://{_HOST}:{port}/proxy"
         self.page_url = f"http://{_HOST}:{page_port}/?url=rerun%2Bhttp%3A%2F%2F{_HOST}%3A{port}%2Fproxy"
         self._ports = [port, page_port] if kind is Kind.PAGE else [port]
+        held = ["--hide-welcome-screen", "--memory-limit", memory_limit, "--server-memory-limit", _RELAY_MEMORY]
         options = {
-            Kind.WINDOW: ["--hide-welcome-screen", "--memory-limit", memory_limit],
+            Kind.WINDOW: held,
             Kind.PAGE: ["--serve-web", "--web-viewer-port", str(page_port), "--server-memory-limit", memory_limit],
-            Kind.HEADLESS: ["--headless", "--hide-welcome-screen", "--window-size", _WINDOW]
-            + ["--memory-limit", memory_limit],
+            Kind.HEADLESS: ["--headless", "--window-size", _WINDOW, *held],
         }[kind]
         self._log = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the process
         self._process = subprocess.Popen(  # noqa: S603 - Rerun's own program
@@ -79,7 +87,7 @@ class RerunViewer:
         """False when it was closed, or has failed."""
         return self._process.poll() is None
 
-    def wait_until_ready(self, is_stopping: Callable[[], bool]) -> None:
+    def wait_until_ready(self, is_stopping: Callable[[], bool] = _never) -> None:
         """Returns when the viewer takes drawings, or early when `is_stopping`.
 
         Raises:
@@ -89,11 +97,11 @@ class RerunViewer:
         while not is_stopping():
             if not self.is_running() or time.monotonic() > deadline_s:
                 raise ViewerError(f"the viewer does not start: {self._reason()}")
-            if all(is_reachable(f"tcp/{_HOST}:{port}") for port in self._ports):
+            if all(is_reachable(f"tcp/{_HOST}:{port}") for port in self._ports) and self._is_answering():
                 return
             time.sleep(0.05)
 
-    def wait_until_closed(self, is_stopping: Callable[[], bool]) -> None:
+    def wait_until_closed(self, is_stopping: Callable[[], bool] = _never) -> None:
         """Returns when the viewer was closed, or early when `is_stopping`."""
         while self.is_running() and not is_stopping():
             time.sleep(0.1)
@@ -152,6 +160,16 @@ class RerunViewer:
         state = self._ask(lambda client: client.get_state())
         ends = [each.end for recording in state.recordings for each in recording.timelines if each.name == timeline]
         return max((end for end in ends if end is not None), default=-1)
+
+    def _is_answering(self) -> bool:
+        """A page answers in the browser; before a window has its graphics, its ports are open but nobody is there."""
+        if self._kind is Kind.PAGE:
+            return True
+        try:
+            self._ask(lambda client: client.get_state())
+        except ViewerError:
+            return False
+        return True
 
     def _ask(self, question: Callable[[Any], Any]) -> Any:
         from rerun.experimental import ViewerClient

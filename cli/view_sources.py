@@ -65,7 +65,8 @@ def _problems_of(reading: FileOrderReading) -> list[str]:
     problems = []
     if reading.is_truncated:
         problems.append(
-            f"{reading.path}: has no proper end; what is readable is shown. `hyrecro bag recover` makes a whole file of it"
+            f"{reading.path}: has no proper end; what is readable is shown, "
+            "and `hyrecro bag recover` makes a whole file of it"
         )
     if reading.num_unreadable:
         counts = ", ".join(f"{num} of {topic}" for topic, num in reading.num_unreadable.items())

@@ -16,7 +16,7 @@ MAX_RANGE_M = 4.0
 """Points that far or farther have the last colour."""
 
 
-def range_colours(points_m: NDArray[np.float32]) -> NDArray[np.uint8]:
+def range_colours(points_m: NDArray[np.floating]) -> NDArray[np.uint8]:
     """Colour (N, 3) of points (N, 3) by their distance to the sensor, from dark blue over green to dark red."""
     ranges_m = np.sqrt(np.einsum("ij,ij->i", points_m, points_m))
     rows = np.minimum(ranges_m * (255.0 / MAX_RANGE_M), 255.0).astype(np.uint8)

@@ -8,18 +8,19 @@ from rerun.encodings import TimeRangeBoundary
 
 from services.viewer import colours
 from services.viewer.canvas import TIMELINE
-from services.viewer.scene import ESTIMATED_TRAIL, FIXED_FOOT_STATE, ROBOT, STRUCTURE, TRUE_TRAIL
+from services.viewer.scene import ESTIMATED_TRAIL, FIXED_FOOT_STATE, ROBOT, TRUE_TRAIL
 from shared.messaging import channels as c
 from shared.messaging.messages import JOINT_NAMES
 
+_WORLD_FRAME, _MAP_FRAME = "world", "map"
 _EYE_TARGET_M = (0.0, -0.775, 10.25)
-_EYE_POSITION_M = (1.1, -2.2, 10.95)
-"""World: about two metres from the first foothold in the original world. When following, only the offset counts."""
+_EYE_POSITION_M = (0.85, -1.95, 10.85)
+"""World: about 1.6 metres from the first foothold in the original world. When following, only the offset counts."""
 _FOLLOWED = f"/{ROBOT}/hyrecro/visual_geometries/hip/visual_0"
 """Where Rerun puts the first visual of link `hip` of the URDF called `hyrecro`: the eye follows it."""
 
 
-def robot_layout(root_frame: str = "world") -> rrb.Blueprint:
+def robot_layout() -> rrb.Blueprint:
     """The layout for a robot, live or recorded. What it does not send leaves its place empty."""
     status, metrics, legs = c.MAP_STATUS.key, c.EVAL_METRICS.key, c.LEG_STATE.key
     curves = rrb.Vertical(
@@ -35,10 +36,24 @@ def robot_layout(root_frame: str = "world") -> rrb.Blueprint:
     words = rrb.TextLogView(
         origin="/", contents=[f"/{c.EVENTS.key}", f"/{c.FOOT_STATUS.key}", f"/{c.RECORDER_STATUS.key}"], name="Events"
     )
+    space = _space_view(_WORLD_FRAME, _robot_eye())
+    return _blueprint(rrb.Vertical(space, words, row_shares=[6, 1]), curves)
+
+
+def map_layout() -> rrb.Blueprint:
+    """The layout for a mapper alone, which knows neither robot nor truth."""
+    status = c.MAP_STATUS.key
+    curves = rrb.Vertical(
+        _curves("Registration (ms)", status, "registration_ms"),
+        _curves("Score (0..1), scans lost", status, "score", "lost_scans"),
+        rrb.TextLogView(origin=c.EVENTS.key, name="Events"),
+    )
+    return _blueprint(_space_view(_MAP_FRAME), curves)
+
+
+def _blueprint(space: rrb.View | rrb.Container, curves: rrb.Container) -> rrb.Blueprint:
     return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(space_view(root_frame), words, row_shares=[6, 1]), curves, column_shares=[3, 2]
-        ),
+        rrb.Horizontal(space, curves, column_shares=[3, 2]),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
@@ -46,7 +61,7 @@ def robot_layout(root_frame: str = "world") -> rrb.Blueprint:
     )
 
 
-def space_view(root_frame: str) -> rrb.Spatial3DView:
+def _space_view(root_frame: str, eye: rrb.EyeControls3D | None = None) -> rrb.Spatial3DView:
     """Everything that has a place. Trails are drawn from their beginning up to the time that is shown."""
     so_far = rrb.VisibleTimeRanges(
         timeline=TIMELINE, start=TimeRangeBoundary.infinite(), end=TimeRangeBoundary.cursor_relative()
@@ -54,19 +69,23 @@ def space_view(root_frame: str) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin="/",
         contents=["/**", f"- /{c.DEPTH_IMAGE.key}"],
-        name="Robot, structure, scan by range, map, planes, trajectory (pink) on the truth (white)",
+        name="Scan by range, map, planes, trajectory (pink) on the truth (white)",
         defaults=[rr.Boxes3D.from_fields(fill_mode="solid"), rr.Cylinders3D.from_fields(fill_mode="solid")],
         overrides={TRUE_TRAIL: so_far, ESTIMATED_TRAIL: so_far},
         spatial_information=rrb.SpatialInformation(target_frame=root_frame, show_axes=False),
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            position=_EYE_POSITION_M,
-            look_target=_EYE_TARGET_M,
-            eye_up=(0.0, 0.0, 1.0),
-            tracking_entity=_FOLLOWED,
-        ),
+        eye_controls=eye,
         background=colours.BACKGROUND,
         line_grid=False,
+    )
+
+
+def _robot_eye() -> rrb.EyeControls3D:
+    return rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=_EYE_POSITION_M,
+        look_target=_EYE_TARGET_M,
+        eye_up=(0.0, 0.0, 1.0),
+        tracking_entity=_FOLLOWED,
     )
 
 

@@ -1,12 +1,13 @@
-"""The viewer's facade: messages in, what is to be drawn out. The same for a live robot, a recording and `hyrecro map`."""
+"""The viewer's facade: messages in, drawings out; the same for a live robot, a recording and `hyrecro map`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from services.viewer import colours
 from services.viewer.drawing import Drawing, Drawn, Edges, Model
@@ -31,7 +32,7 @@ _MM_PER_M = 1000.0
 _SCAN_RADIUS = 1.8
 _MAP_RADIUS_M = 0.005
 _TRUE_RADIUS, _ESTIMATED_RADIUS = 3.5, 1.4
-_OUTLINE_RADIUS = 1.2
+_OUTLINE_RADIUS = 0.9
 """Radii without unit are in points of the screen: they look alike from near and far."""
 _STEP_M, _DASH_M = 0.005, 0.02
 _CAMERA_SIZE_M = 0.12
@@ -97,10 +98,7 @@ class Scene:
     # ---- sensors and map
 
     def _scan(self, entity: str, scan: m.LidarScan) -> Iterable[Drawn]:
-        points = rr.Points3D(
-            scan.points_m, colors=colours.range_colours(scan.points_m), radii=rr.Radius.ui_points(_SCAN_RADIUS)
-        )
-        yield Drawing(entity, (points, rr.CoordinateFrame(scan.frame)), scan.stamp_ns)
+        yield scan_drawing(entity, scan.points_m, scan.frame, scan.stamp_ns)
 
     def _cloud(self, entity: str, cloud: m.PointCloud) -> Iterable[Drawn]:
         points = rr.Points3D(cloud.points_m, colors=colours.MAP, radii=_MAP_RADIUS_M)
@@ -180,6 +178,13 @@ class Scene:
         return is_news
 
 
+def scan_drawing(entity: str, points_m: NDArray[np.floating], frame: str, stamp_ns: int) -> Drawing:
+    """The points (N, 3) of a scan in their sensor's frame, coloured by their range."""
+    radius = rr.Radius.ui_points(_SCAN_RADIUS)
+    points = rr.Points3D(points_m, colors=colours.range_colours(points_m), radii=radius)
+    return Drawing(entity, (points, rr.CoordinateFrame(frame)), stamp_ns)
+
+
 def _trail(entity: str, trail: Trail, position_m: Any, frame: str, stamp_ns: int) -> Iterable[Drawn]:
     line = trail.step(position_m)
     if line is None:
@@ -193,7 +198,7 @@ def _trail(entity: str, trail: Trail, position_m: Any, frame: str, stamp_ns: int
     yield Drawing(entity, (strip, rr.CoordinateFrame(frame)), stamp_ns)
 
 
-def _curves(entity: str, stamp_ns: int, values: dict[str, float | None]) -> Iterable[Drawn]:
+def _curves(entity: str, stamp_ns: int, values: Mapping[str, float | None]) -> Iterable[Drawn]:
     for name, value in values.items():
         if value is not None:
             yield Drawing(f"{entity}/{name}", (rr.Scalars(value),), stamp_ns)
