@@ -126,18 +126,16 @@ class RerunViewer:
                 raise ViewerError(f"the viewer has not drawn everything after {_DRAW_TIMEOUT_S:g} s")
             time.sleep(0.1)
 
-    def picture(self) -> bytes:
-        """What it shows now, as PNG.
+    def picture(self) -> tuple[bytes, list[str]]:
+        """What it shows now as PNG, and what it says it could not draw, a sentence each.
 
         Raises:
-            ViewerError: it does not answer, or a view could not be drawn.
+            ViewerError: it does not answer.
         """
         png: bytes = self._ask(lambda client: client.take_screenshot())
         state = self._ask(lambda client: client.get_state())
-        reports = [f"{view.name}: {report.summary}" for view in state.views for report in view.reports]
-        if reports:
-            raise ViewerError("the viewer could not draw everything: " + "; ".join(reports))
-        return png
+        reports = [f"view '{view.name}': {report.summary}" for view in state.views for report in view.reports]
+        return png, reports
 
     def close(self) -> None:
         """Ends the process. Idempotent."""
@@ -157,7 +155,12 @@ class RerunViewer:
         self.close()
 
     def _newest_ns(self, timeline: str) -> int:
-        state = self._ask(lambda client: client.get_state())
+        try:
+            state = self._ask(lambda client: client.get_state())
+        except ViewerError:
+            if not self.is_running():
+                raise
+            return -1  # busy drawing
         ends = [each.end for recording in state.recordings for each in recording.timelines if each.name == timeline]
         return max((end for end in ends if end is not None), default=-1)
 

@@ -34,7 +34,7 @@ def view(
 ) -> None:
     """Shows robot, structure, scan, map, planes, trajectories, curves and events in Rerun.
 
-    Exit code 3 where a part of the recording cannot be read.
+    Exit code 3 where a part of the recording cannot be read or drawn.
     """
     from cli.rerun_viewer import Kind
     from cli.viewing import Request, run_view

@@ -36,7 +36,7 @@ class Request:
 
 
 def run_view(request: Request, config: Config) -> int:
-    """Returns the exit code: 3 where a part of a recording cannot be read, 130 after Ctrl-C.
+    """Returns the exit code: 3 where a part cannot be read or drawn, 130 after Ctrl-C.
 
     Raises:
         InputFileError: the recording cannot be used. ViewerError: there can be no viewer.
@@ -50,13 +50,17 @@ def run_view(request: Request, config: Config) -> int:
         if request.kind is Kind.PAGE:
             print(f"open {viewer.page_url} (Ctrl-C ends)", file=sys.stderr)
         shown = _shown(request, reading, config, viewer, stop.is_set)
-        for problem in shown.problems:
-            print(f"hyrecro: {problem}", file=sys.stderr)
-        if not stop.is_set():
-            _finish(request, shown, viewer, stop.is_set)
+        _warn(shown.problems)
+        reports = [] if stop.is_set() else _finish(request, shown, viewer, stop.is_set)
+        _warn(reports)
     if stop.is_set():
         return stop.exit_code()
-    return Exit.PARTIAL if shown.problems else Exit.FINE
+    return Exit.PARTIAL if shown.problems or reports else Exit.FINE
+
+
+def _warn(problems: list[str]) -> None:
+    for problem in problems:
+        print(f"hyrecro: {problem}", file=sys.stderr)
 
 
 def _shown(
@@ -72,11 +76,14 @@ def _shown(
     return show_live(config, viewer, picture_s, is_stopping)
 
 
-def _finish(request: Request, shown: Shown, viewer: RerunViewer, is_stopping: Callable[[], bool]) -> None:
+def _finish(request: Request, shown: Shown, viewer: RerunViewer, is_stopping: Callable[[], bool]) -> list[str]:
+    """Returns what the viewer says it could not draw, where a picture is taken."""
     if request.picture is not None or request.time_s is not None:
         viewer.wait_until_drawn(TIMELINE, shown.newest_ns, is_stopping)
         viewer.show_time(TIMELINE, shown.newest_ns * 1e-9 if request.time_s is None else request.time_s)
-    if request.picture is not None:
-        request.picture.write_bytes(viewer.picture())
-    else:
+    if request.picture is None:
         viewer.wait_until_closed(is_stopping)
+        return []
+    png, reports = viewer.picture()
+    request.picture.write_bytes(png)
+    return reports

@@ -19,7 +19,7 @@ class Trail:
     def __init__(self, step_m: float, *, is_dashed: bool = False) -> None:
         self._step_m, self._is_dashed = step_m, is_dashed
         self._last_m: NDArray[np.float64] | None = None
-        self._is_gap = True
+        self._is_gap = False
 
     def step(self, position_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """The line (2, 3) from the end of the trail to this position, or None where there is none to draw."""
