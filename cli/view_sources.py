@@ -86,7 +86,7 @@ def show_live(config: Config, viewer: RerunViewer, picture_s: float | None, is_s
     while True:
         canvas = Canvas(robot_layout())
         canvas.connect(viewer.url)
-        view = LiveView(canvas)
+        view = LiveView(canvas.draw)
 
         def is_ending(view: LiveView = view) -> bool:
             is_enough = picture_s is not None and view.newest_ns is not None and view.newest_ns >= picture_s * 1e9
