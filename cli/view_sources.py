@@ -18,7 +18,6 @@ from services.viewer.node import node_of
 from services.viewer.scene import Scene, has_picture
 from shared.errors import BusError, InputFileError
 from shared.messaging.bus import is_reachable
-from shared.messaging.messages import Measurement
 from shared.runtime.config import Config
 from shared.runtime.logs import configure_logs
 from shared.runtime.node import Context
@@ -29,9 +28,9 @@ _PROGRESS_EVERY = 200
 
 @dataclass
 class Shown:
-    """newest_ns: simulated time of the newest drawing. problems: what could not be shown, a sentence each."""
+    """newest_ns: simulated time of the newest drawing, None where there is none. problems: what could not be shown, a sentence each."""
 
-    newest_ns: int
+    newest_ns: int | None
     problems: list[str] = field(default_factory=list)
 
 
@@ -43,22 +42,19 @@ def show_recording(reading: FileOrderReading, viewer: RerunViewer, is_stopping: 
     """
     scene, canvas = Scene(), Canvas(robot_layout())
     canvas.connect(viewer.url)
-    newest_ns = -1
     messages = reading.messages(lambda channel, ns: has_picture(channel) and scene.is_due(channel, ns))
     with progress_bar() as progress:
         task = progress.add_task("drawing", total=reading.num_bytes)
         for number, (channel, message) in enumerate(messages):
             canvas.draw(scene.draw(channel, message))
-            if isinstance(message, Measurement):
-                newest_ns = max(newest_ns, message.stamp_ns)
             if number % _PROGRESS_EVERY == 0:
                 progress.update(task, completed=reading.num_read)
                 if is_stopping() or not viewer.is_running():
-                    return Shown(newest_ns)
+                    return Shown(canvas.newest_ns)
         canvas.close()
-    if newest_ns < 0:
+    if canvas.newest_ns is None:
         raise InputFileError(f"{reading.path}: holds no message that could be drawn")
-    return Shown(newest_ns, _problems_of(reading))
+    return Shown(canvas.newest_ns, _problems_of(reading))
 
 
 def _problems_of(reading: FileOrderReading) -> list[str]:
@@ -97,4 +93,4 @@ def show_live(config: Config, viewer: RerunViewer, picture_s: float | None, is_s
         if viewer.is_running():
             canvas.close()
         if is_ending():
-            return Shown(view.newest_ns or 0)
+            return Shown(canvas.newest_ns)

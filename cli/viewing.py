@@ -78,7 +78,7 @@ def _shown(
 
 def _finish(request: Request, shown: Shown, viewer: RerunViewer, is_stopping: Callable[[], bool]) -> list[str]:
     """Returns what the viewer says it could not draw, where a picture is taken."""
-    if request.picture is not None or request.time_s is not None:
+    if shown.newest_ns is not None and (request.picture is not None or request.time_s is not None):
         viewer.wait_until_drawn(TIMELINE, shown.newest_ns, is_stopping)
         viewer.show_time(TIMELINE, shown.newest_ns * 1e-9 if request.time_s is None else request.time_s)
     if request.picture is None:

@@ -19,9 +19,13 @@ TIMELINE = "time"
 
 
 class Canvas:
-    """A new recording with a layout. It goes nowhere before `connect` or `save`."""
+    """A new recording with a layout. It goes nowhere before `connect` or `save`.
+
+    newest_ns: simulated time of the newest drawing, None before the first.
+    """
 
     def __init__(self, layout: Any) -> None:
+        self.newest_ns: int | None = None
         self._stream = rr.RecordingStream(APPLICATION, send_properties=False)
         self._layout = layout
 
@@ -39,10 +43,10 @@ class Canvas:
         for item in drawn:
             if isinstance(item, Model):
                 self._add_model(item)
-            elif isinstance(item, Edges):
+                continue
+            self.newest_ns = max(self.newest_ns or 0, item.stamp_ns)
+            if isinstance(item, Edges):
                 self._add_edges(item)
-            elif item.stamp_ns is None:
-                self._stream.log(item.entity, *item.archetypes, static=True)
             else:
                 self._stream.set_time(TIMELINE, duration=item.stamp_ns * 1e-9)
                 self._stream.log(item.entity, *item.archetypes)

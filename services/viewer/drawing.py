@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """Rerun archetypes at one entity path. stamp_ns: from when on they hold; None = at all times."""
+    """Rerun archetypes at one entity path, which hold from `stamp_ns` on."""
 
     entity: str
     archetypes: tuple[Any, ...]
-    stamp_ns: int | None
+    stamp_ns: int
 
 
 @dataclass(frozen=True, slots=True)

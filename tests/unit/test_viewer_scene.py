@@ -128,9 +128,7 @@ def test_the_fixed_foot_is_said_when_it_changes():
 
 
 def test_a_wide_depth_image_is_thinned_with_its_camera():
-    image = m.DepthImage(
-        **AT, frame="depth_optical", height=2, width=960, depth_mm=np.arange(1920, dtype=np.uint16)
-    )
+    image = m.DepthImage(**AT, frame="depth_optical", height=2, width=960, depth_mm=np.arange(1920, dtype=np.uint16))
     info = m.CameraInfo(**AT, frame="depth_optical", height=2, width=960, fx=600.0, fy=500.0, cx=480.0, cy=1.0)
     (picture,), (camera,) = drawn(c.DEPTH_IMAGE, image), drawn(c.DEPTH_CAMERA_INFO, info)
     data = np.array(component(picture, "DepthImage:buffer")[0], np.uint8).view("<u2")
