@@ -28,7 +28,7 @@ _PROGRESS_EVERY = 200
 
 @dataclass
 class Shown:
-    """newest_ns: simulated time of the newest drawing, None where there is none. problems: what could not be shown, a sentence each."""
+    """newest_ns: simulated time of the newest drawing, None where there is none. problems: a sentence each."""
 
     newest_ns: int | None
     problems: list[str] = field(default_factory=list)

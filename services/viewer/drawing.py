@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """Rerun archetypes at one entity path, which hold from `stamp_ns` on."""
+    """A Rerun archetype at an entity path, which holds from `stamp_ns` on. frame: of its coordinates, if it has any."""
 
     entity: str
-    archetypes: tuple[Any, ...]
+    archetype: Any
     stamp_ns: int
+    frame: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,13 +29,16 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Edges:
-    """Edges of the frame tree, row by row, all at one entity path: T_parent_child (N, 7), metres and x y z w."""
+    """Edges of the frame tree, row by row, all at one entity path.
+
+    T_parent_child (N, 7): metres, quaternion x y z w. stamp_ns: from when on they hold; None = at all times.
+    """
 
     entity: str
     parents: tuple[str, ...]
     children: tuple[str, ...]
     T_parent_child: NDArray[np.float64]
-    stamp_ns: int
+    stamp_ns: int | None
 
 
 Drawn = Drawing | Model | Edges

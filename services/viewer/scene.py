@@ -80,7 +80,8 @@ class Scene:
         yield Model(STRUCTURE, description.urdf)
 
     def _transforms(self, entity: str, transforms: m.Transforms) -> Iterable[Drawn]:
-        yield Edges(entity, transforms.parents, transforms.children, transforms.T_parent_child, transforms.stamp_ns)
+        stamp_ns = None if entity == c.TF_STATIC.key else transforms.stamp_ns
+        yield Edges(entity, transforms.parents, transforms.children, transforms.T_parent_child, stamp_ns)
         if self._sensor_frame is not None:
             try:
                 position_m = FrameTree(transforms).T_root(self._sensor_frame).translation
@@ -102,14 +103,14 @@ class Scene:
 
     def _cloud(self, entity: str, cloud: m.PointCloud) -> Iterable[Drawn]:
         points = rr.Points3D(cloud.points_m, colors=colours.MAP, radii=_MAP_RADIUS_M)
-        yield Drawing(entity, (points, rr.CoordinateFrame(cloud.frame)), cloud.stamp_ns)
+        yield Drawing(entity, points, cloud.stamp_ns, cloud.frame)
 
     def _planes(self, entity: str, plane_map: m.PlaneMap) -> Iterable[Drawn]:
         outlines = [np.vstack([plane.outline_m, plane.outline_m[:1]]) for plane in plane_map.planes]
         lines = rr.LineStrips3D(
             outlines, colors=[plane.colour for plane in plane_map.planes], radii=rr.Radius.ui_points(_OUTLINE_RADIUS)
         )
-        yield Drawing(entity, (lines, rr.CoordinateFrame(plane_map.frame)), plane_map.stamp_ns)
+        yield Drawing(entity, lines, plane_map.stamp_ns, plane_map.frame)
 
     def _depth_image(self, entity: str, image: m.DepthImage) -> Iterable[Drawn]:
         stride = _depth_stride(image.width)
@@ -117,7 +118,7 @@ class Scene:
         depth = rr.DepthImage(
             np.ascontiguousarray(thinned_mm), meter=_MM_PER_M, colormap="turbo", depth_range=_DEPTH_RANGE_MM
         )
-        yield Drawing(entity, (depth, rr.CoordinateFrame(_image_plane(image.frame))), image.stamp_ns)
+        yield Drawing(entity, depth, image.stamp_ns, _image_plane(image.frame))
 
     def _camera(self, entity: str, camera: m.CameraInfo) -> Iterable[Drawn]:
         stride = _depth_stride(camera.width)
@@ -130,17 +131,17 @@ class Scene:
             child_frame=_image_plane(camera.frame),
             image_plane_distance=_CAMERA_SIZE_M,
         )
-        yield Drawing(entity, (pinhole,), camera.stamp_ns)
+        yield Drawing(entity, pinhole, camera.stamp_ns)
 
     # ---- curves and words
 
     def _joints(self, entity: str, joints: m.JointState) -> Iterable[Drawn]:
-        yield Drawing(entity, (rr.Scalars(joints.q),), joints.stamp_ns)
+        yield Drawing(entity, rr.Scalars(joints.q), joints.stamp_ns)
 
     def _legs(self, entity: str, legs: m.LegState) -> Iterable[Drawn]:
         yield from _curves(entity, legs.stamp_ns, {"margin": legs.margin})
         if self._is_news(entity, legs.fixed_foot):
-            yield Drawing(FIXED_FOOT_STATE, (rr.StateChange(state=legs.fixed_foot.value),), legs.stamp_ns)
+            yield Drawing(FIXED_FOOT_STATE, rr.StateChange(state=legs.fixed_foot.value), legs.stamp_ns)
 
     def _status(self, entity: str, status: m.MapStatus) -> Iterable[Drawn]:
         slip_m = status.leg_slip_m
@@ -182,7 +183,7 @@ def scan_drawing(entity: str, points_m: NDArray[np.floating], frame: str, stamp_
     """The points (N, 3) of a scan in their sensor's frame, coloured by their range."""
     radius = rr.Radius.ui_points(_SCAN_RADIUS)
     points = rr.Points3D(points_m, colors=colours.range_colours(points_m), radii=radius)
-    return Drawing(entity, (points, rr.CoordinateFrame(frame)), stamp_ns)
+    return Drawing(entity, points, stamp_ns, frame)
 
 
 def _trail(entity: str, trail: Trail, position_m: Any, frame: str, stamp_ns: int) -> Iterable[Drawn]:
@@ -195,17 +196,17 @@ def _trail(entity: str, trail: Trail, position_m: Any, frame: str, stamp_ns: int
         colors=colours.TRUE_TRAIL if is_true else colours.ESTIMATED_TRAIL,
         radii=rr.Radius.ui_points(_TRUE_RADIUS if is_true else _ESTIMATED_RADIUS),
     )
-    yield Drawing(entity, (strip, rr.CoordinateFrame(frame)), stamp_ns)
+    yield Drawing(entity, strip, stamp_ns, frame)
 
 
 def _curves(entity: str, stamp_ns: int, values: Mapping[str, float | None]) -> Iterable[Drawn]:
     for name, value in values.items():
         if value is not None:
-            yield Drawing(f"{entity}/{name}", (rr.Scalars(value),), stamp_ns)
+            yield Drawing(f"{entity}/{name}", rr.Scalars(value), stamp_ns)
 
 
 def _line(entity: str, text: str, severity: m.Severity, stamp_ns: int) -> Drawing:
-    return Drawing(entity, (rr.TextLog(text, level=_LOG_LEVELS[severity]),), stamp_ns)
+    return Drawing(entity, rr.TextLog(text, level=_LOG_LEVELS[severity]), stamp_ns)
 
 
 def _depth_stride(width: int) -> int:

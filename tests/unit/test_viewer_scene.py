@@ -22,7 +22,7 @@ def drawn(channel, *messages):
 
 
 def component(drawing, name):
-    batches = [batch for archetype in drawing.archetypes for batch in archetype.as_component_batches()]
+    batches = drawing.archetype.as_component_batches()
     (batch,) = [batch for batch in batches if batch.component_descriptor().component == name]
     return batch.as_arrow_array().to_pylist()
 
@@ -44,8 +44,7 @@ def test_a_scan_is_coloured_by_range():
     table = [tuple(row) for row in colormaps["turbo"](np.arange(256), bytes=True)[:, :3].tolist()]
     colours_drawn = [rgb(packed) for packed in component(drawing, "Points3D:colors")]
     assert colours_drawn == [table[0], table[127], table[255], table[127]]
-    assert (drawing.entity, drawing.stamp_ns) == ("lidar/points", 2_000_000_000)
-    assert component(drawing, "CoordinateFrame:frame") == ["lidar"]
+    assert (drawing.entity, drawing.stamp_ns, drawing.frame) == ("lidar/points", 2_000_000_000, "lidar")
 
 
 def test_the_scan_of_another_sensor_is_drawn_beside_it():
@@ -92,6 +91,11 @@ def test_transforms_move_frames():
     assert (edges.parents, edges.children, edges.T_parent_child[0, 0]) == (("world",), ("lidar",), 1.5)
 
 
+def test_static_transforms_hold_at_all_times():
+    (edges,), (static,) = drawn(c.TF, transforms(1.5, 7)), drawn(c.TF_STATIC, transforms(1.5, 7))
+    assert (edges.stamp_ns, static.stamp_ns) == (7, None)
+
+
 def test_the_way_estimated_and_the_true_one_are_lines():
     scene = Scene()
     said = [odometry(0.0), transforms(0.0), odometry(0.1), transforms(0.1)]
@@ -101,7 +105,7 @@ def test_the_way_estimated_and_the_true_one_are_lines():
     assert lines.keys() == {ESTIMATED_TRAIL, TRUE_TRAIL}
     for entity, frame in ((ESTIMATED_TRAIL, "map"), (TRUE_TRAIL, "world")):
         np.testing.assert_allclose(component(lines[entity], "LineStrips3D:strips"), [[[0, 0, 0], [0.1, 0, 0]]])
-        assert component(lines[entity], "CoordinateFrame:frame") == [frame]
+        assert lines[entity].frame == frame
 
 
 def test_without_an_estimate_no_way_is_drawn():
