@@ -10,6 +10,7 @@ from services.viewer import colours
 from services.viewer.canvas import TIMELINE
 from services.viewer.scene import ESTIMATED_TRAIL, FIXED_FOOT_STATE, ROBOT, TRUE_TRAIL
 from shared.messaging import channels as c
+from shared.messaging.channels import Channel
 from shared.messaging.messages import JOINT_NAMES
 
 _WORLD_FRAME, _MAP_FRAME = "world", "map"
@@ -24,20 +25,20 @@ def robot_layout() -> rrb.Blueprint:
     """The layout for a robot, live or recorded. What it does not send leaves its place empty."""
     status, metrics, legs = c.MAP_STATUS.key, c.EVAL_METRICS.key, c.LEG_STATE.key
     curves = rrb.Vertical(
-        rrb.Spatial2DView(origin=c.DEPTH_IMAGE.key, name="Depth"),
         _joints_view(),
         rrb.StateTimelineView(origin=FIXED_FOOT_STATE, name="Fixed foot"),
         _curves("Registration (ms)", status, "registration_ms", "lag_ms"),
         _curves("Score (0..1), scans lost", status, "score", "lost_scans"),
         _curves("Slip, error against the truth (mm)", "/", f"{status}/slip_mm", f"{metrics}/last_error_mm"),
         _curves("Holding margin (1 unloaded, 0 lets go)", legs, "margin"),
-        row_shares=[3, 2.5, 1.4, 1.7, 1.7, 1.7, 1.7],
+        row_shares=[3, 1.4, 1.8, 1.8, 1.8, 1.8],
     )
-    words = rrb.TextLogView(
-        origin="/", contents=[f"/{c.EVENTS.key}", f"/{c.FOOT_STATUS.key}", f"/{c.RECORDER_STATUS.key}"], name="Events"
-    )
+    depth = rrb.Spatial2DView(origin=c.DEPTH_IMAGE.key, name="Depth")
+    words = _words_view(c.EVENTS, c.FOOT_STATUS, c.RECORDER_STATUS)
     space = _space_view(_WORLD_FRAME, _robot_eye())
-    return _blueprint(rrb.Vertical(space, words, row_shares=[6, 1]), curves)
+    return _blueprint(
+        rrb.Vertical(space, rrb.Horizontal(depth, words, column_shares=[2, 3]), row_shares=[3, 1]), curves
+    )
 
 
 def map_layout() -> rrb.Blueprint:
@@ -46,7 +47,7 @@ def map_layout() -> rrb.Blueprint:
     curves = rrb.Vertical(
         _curves("Registration (ms)", status, "registration_ms"),
         _curves("Score (0..1), scans lost", status, "score", "lost_scans"),
-        rrb.TextLogView(origin=c.EVENTS.key, name="Events"),
+        _words_view(c.EVENTS),
     )
     return _blueprint(_space_view(_MAP_FRAME), curves)
 
@@ -86,6 +87,13 @@ def _robot_eye() -> rrb.EyeControls3D:
         look_target=_EYE_TARGET_M,
         eye_up=(0.0, 0.0, 1.0),
         tracking_entity=_FOLLOWED,
+    )
+
+
+def _words_view(*channels: Channel) -> rrb.TextLogView:
+    columns = rrb.TextLogColumns(timeline_columns=[TIMELINE], text_log_columns=["loglevel", "body"])
+    return rrb.TextLogView(
+        origin="/", contents=[f"/{channel.key}" for channel in channels], name="Events", columns=columns
     )
 
 
