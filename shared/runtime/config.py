@@ -186,6 +186,17 @@ class RecorderConfig(Section):
     chunk_period_s: float = Field(0.5, gt=0, le=60)
     """A chunk is closed at least this often: a killed recorder loses no more than this."""
     max_queue_mib: int = Field(256, ge=16, le=65536)
+    """What may wait for the recorder, and as much again for its disk."""
+    max_file_mib: int = Field(0, ge=0, le=1024 * 1024)
+    """A file that has grown to this is followed by another: run.mcap, run_001.mcap ... 0: never."""
+    max_file_s: float = Field(0.0, ge=0, le=1e6)
+    """The same by the time it spans. 0: never."""
+    min_free_mib: int = Field(64, ge=0, le=1024 * 1024)
+    """The recording stops before less than this is left on the disk."""
+    channels: tuple[str, ...] = ("*",)
+    """What is recorded: patterns of keys below `hyrecro/`, such as lidar/*."""
+    starts: bool = True
+    """Records from the start; otherwise when told to."""
 
 
 class PlayerConfig(Section):

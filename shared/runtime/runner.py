@@ -50,10 +50,12 @@ def run_service(name: str, build_node: BuildNode, arguments: argparse.Namespace 
     structlog.contextvars.bind_contextvars(service=name)
     stop = StopSignal()
     context = Context(clock_ns=time.monotonic_ns)
+    exit_code = Exit.FINE
     try:
         config = load_config(arguments.config, arguments.set, os.environ)
         node = build_node(config, context)
         run_node(node, config, context, stop.is_set)
+        exit_code = node.exit_code()
     except ConfigError as error:
         _complain(name, f"the configuration is not usable:\n{error}")
         sys.exit(Exit.USAGE)
@@ -64,7 +66,7 @@ def run_service(name: str, build_node: BuildNode, arguments: argparse.Namespace 
         if not stop.is_set():
             _complain(name, str(error))
             sys.exit(Exit.FAILED)
-    sys.exit(stop.exit_code())
+    sys.exit(stop.exit_code() or exit_code)
 
 
 def service_parser(name: str) -> argparse.ArgumentParser:
@@ -145,7 +147,8 @@ class ServiceLoop:
         for channel in self._routes.values():
             self._bus.advertise(channel)
         for channel in node.inputs:
-            self._bus.subscribe(channel, self._inbox, is_observer=node.is_observer)
+            is_answered = not node.is_observer or channel in node.answers
+            self._bus.subscribe(channel, self._inbox, is_observer=not is_answered)
         try:
             self._send(node.on_start())
             self._bus.announce(node.name)
@@ -243,7 +246,7 @@ class ServiceLoop:
             uptime_s=now_s - self._started_s,
             rss_bytes=self._process.memory_info().rss,
             busy_ratio=min(1.0, self._busy_s / elapsed_s),
-            channels=self._traffic.snapshot(dict(self._inbox.num_dropped)),
+            channels=self._traffic.snapshot(dict(self._inbox.num_dropped), self._node.num_lost()),
         )
         self._bus.publish(channel, health)
         self._last_health_s, self._busy_s = now_s, 0.0
