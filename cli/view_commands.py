@@ -20,7 +20,9 @@ def register(app: typer.Typer) -> None:
 
 
 def view(
-    recording: Annotated[Path | None, typer.Argument(metavar="RUN.mcap", help="A recording.")] = None,
+    recordings: Annotated[
+        list[Path] | None, typer.Argument(metavar="RUN.mcap ...", help="A recording, all its files in turn.")
+    ] = None,
     live: Annotated[bool, typer.Option("--live", help="What the robot says now.")] = False,
     web: Annotated[bool, typer.Option("--web", help="As a page for a browser on this machine.")] = False,
     screenshot: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Only a picture, no window.")] = None,
@@ -41,11 +43,11 @@ def view(
 
     if memory_limit is not None and not _MEMORY.fullmatch(memory_limit):
         raise typer.BadParameter(f"--memory-limit {memory_limit}: must be like 2GiB or 50%")
-    _check_usage(recording, is_live=live, is_web=web, screenshot=screenshot, time_s=time)
+    _check_usage(bool(recordings), is_live=live, is_web=web, screenshot=screenshot, time_s=time)
     kind = Kind.HEADLESS if screenshot is not None else Kind.PAGE if web else Kind.WINDOW
     request = Request(
         kind=kind,
-        recording=recording,
+        recordings=tuple(recordings or ()),
         picture=screenshot,
         time_s=time,
         page_port=port,
@@ -55,9 +57,9 @@ def view(
 
 
 def _check_usage(
-    recording: Path | None, *, is_live: bool, is_web: bool, screenshot: Path | None, time_s: float | None
+    has_recording: bool, *, is_live: bool, is_web: bool, screenshot: Path | None, time_s: float | None
 ) -> None:
-    if (recording is None) != is_live:
+    if has_recording == is_live:
         raise typer.BadParameter("give a recording, or --live")
     if is_web and screenshot is not None:
         raise typer.BadParameter("--web and --screenshot exclude each other")

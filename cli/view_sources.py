@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from cli.playback import progress_bar
@@ -23,7 +23,7 @@ from shared.runtime.logs import configure_logs
 from shared.runtime.node import Context
 from shared.runtime.runner import run_node
 
-_PROGRESS_EVERY = 200
+_STEP_MESSAGES = 200
 
 
 @dataclass
@@ -34,27 +34,35 @@ class Shown:
     problems: list[str] = field(default_factory=list)
 
 
-def show_recording(reading: FileOrderReading, viewer: RerunViewer, is_stopping: Callable[[], bool]) -> Shown:
-    """Draws a recording from its head on, until its end, or until the viewer is closed or `is_stopping`.
+def show_recordings(readings: list[FileOrderReading], viewer: RerunViewer, is_stopping: Callable[[], bool]) -> Shown:
+    """Draws recordings from head to end, one after the other, or until the viewer is closed or `is_stopping`.
 
     Raises:
-        InputFileError: nothing in it has a picture.
+        InputFileError: nothing in them has a picture.
     """
-    scene, canvas = Scene(), Canvas(robot_layout())
+    canvas = Canvas(robot_layout())
     canvas.connect(viewer.url)
-    messages = reading.messages(lambda channel, ns: has_picture(channel) and scene.is_due(channel, ns))
     with progress_bar() as progress:
-        task = progress.add_task("drawing", total=reading.num_bytes)
-        for number, (channel, message) in enumerate(messages):
-            canvas.draw(scene.draw(channel, message))
-            if number % _PROGRESS_EVERY == 0:
-                progress.update(task, completed=reading.num_read)
-                if is_stopping() or not viewer.is_running():
-                    return Shown(canvas.newest_ns)
+        task = progress.add_task("drawing", total=sum(reading.num_bytes for reading in readings))
+        for _ in _draw_steps(readings, canvas):
+            progress.update(task, completed=sum(reading.num_read for reading in readings))
+            if is_stopping() or not viewer.is_running():
+                return Shown(canvas.newest_ns)
         canvas.close()
     if canvas.newest_ns is None:
-        raise InputFileError(f"{reading.path}: holds no message that could be drawn")
-    return Shown(canvas.newest_ns, _problems_of(reading))
+        raise InputFileError(f"{readings[0].path}: holds no message that could be drawn")
+    return Shown(canvas.newest_ns, [problem for reading in readings for problem in _problems_of(reading)])
+
+
+def _draw_steps(readings: list[FileOrderReading], canvas: Canvas) -> Iterator[None]:
+    """Draws, and comes up now and then."""
+    scene = Scene()
+    for reading in readings:
+        messages = reading.messages(lambda channel, ns: has_picture(channel) and scene.is_due(channel, ns))
+        for number, (channel, message) in enumerate(messages):
+            canvas.draw(scene.draw(channel, message))
+            if number % _STEP_MESSAGES == 0:
+                yield
 
 
 def _problems_of(reading: FileOrderReading) -> list[str]:

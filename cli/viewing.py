@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cli.rerun_viewer import Kind, RerunViewer
-from cli.view_sources import Shown, show_live, show_recording
+from cli.view_sources import Shown, show_live, show_recordings
 from services.recorder.file_order import FileOrderReading
 from services.viewer.canvas import TIMELINE
 from shared.runtime.config import Config
@@ -23,12 +23,13 @@ _LIVE_PICTURE_S = 5.0
 class Request:
     """What is to be shown, and how.
 
-    recording: None = the robot as it is now. picture: where it goes with Kind.HEADLESS. time_s: simulated time that is
-    shown; None = the newest. memory_limit: of the viewer, as Rerun takes it. page_port: with Kind.PAGE.
+    recordings: one after the other; none = the robot as it is now. picture: where it goes with Kind.HEADLESS. time_s:
+    simulated time that is shown; None = the newest. memory_limit: of the viewer, as Rerun takes it. page_port: with
+    Kind.PAGE.
     """
 
     kind: Kind
-    recording: Path | None
+    recordings: tuple[Path, ...]
     picture: Path | None
     time_s: float | None
     page_port: int
@@ -39,9 +40,9 @@ def run_view(request: Request, config: Config) -> int:
     """Returns the exit code: 3 where a part cannot be read or drawn, 130 after Ctrl-C.
 
     Raises:
-        InputFileError: the recording cannot be used. ViewerError: there can be no viewer.
+        InputFileError: a recording cannot be used. ViewerError: there can be no viewer.
     """
-    reading = None if request.recording is None else FileOrderReading(request.recording)
+    readings = [FileOrderReading(path) for path in request.recordings]
     with (
         StopSignal() as stop,
         RerunViewer(request.kind, memory_limit=request.memory_limit, page_port=request.page_port) as viewer,
@@ -49,7 +50,7 @@ def run_view(request: Request, config: Config) -> int:
         viewer.wait_until_ready(stop.is_set)
         if request.kind is Kind.PAGE:
             print(f"open {viewer.page_url} (Ctrl-C ends)", file=sys.stderr)
-        shown = _shown(request, reading, config, viewer, stop.is_set)
+        shown = _shown(request, readings, config, viewer, stop.is_set)
         _warn(shown.problems)
         reports = [] if stop.is_set() else _finish(request, shown, viewer, stop.is_set)
         _warn(reports)
@@ -65,13 +66,13 @@ def _warn(problems: list[str]) -> None:
 
 def _shown(
     request: Request,
-    reading: FileOrderReading | None,
+    readings: list[FileOrderReading],
     config: Config,
     viewer: RerunViewer,
     is_stopping: Callable[[], bool],
 ) -> Shown:
-    if reading is not None:
-        return show_recording(reading, viewer, is_stopping)
+    if readings:
+        return show_recordings(readings, viewer, is_stopping)
     picture_s = None if request.picture is None else request.time_s or _LIVE_PICTURE_S
     return show_live(config, viewer, picture_s, is_stopping)
 

@@ -98,7 +98,7 @@ def _words_view(*channels: Channel) -> rrb.TextLogView:
 
 
 def _joints_view() -> rrb.TimeSeriesView:
-    joints = rr.SeriesLines.from_fields(names=JOINT_NAMES).visualizer()
+    joints = rr.SeriesLines.from_fields(names=JOINT_NAMES, colors=colours.JOINTS).visualizer()
     name = "Joints (rad; q2, q7 in m)"
     return rrb.TimeSeriesView(origin=c.JOINTS_STATE.key, name=name, overrides={c.JOINTS_STATE.key: joints})
 

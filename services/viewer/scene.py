@@ -52,6 +52,7 @@ class Scene:
         self._drawn_ns: dict[Channel, int] = {}
         self._true_trail, self._estimated_trail = Trail(_DASH_M, is_dashed=True), Trail(_STEP_M)
         self._sensor_frame: str | None = None
+        self._true_frames: set[str] = set()
         self._said: dict[str, object] = {}
 
     def is_due(self, channel: Channel, stamp_ns: int) -> bool:
@@ -82,6 +83,7 @@ class Scene:
     def _transforms(self, entity: str, transforms: m.Transforms) -> Iterable[Drawn]:
         stamp_ns = None if entity == c.TF_STATIC.key else transforms.stamp_ns
         yield Edges(entity, transforms.parents, transforms.children, transforms.T_parent_child, stamp_ns)
+        self._true_frames.update(transforms.children)
         if self._sensor_frame is not None:
             try:
                 position_m = FrameTree(transforms).T_root(self._sensor_frame).translation
@@ -90,9 +92,14 @@ class Scene:
             yield from _trail(TRUE_TRAIL, self._true_trail, position_m, transforms.frame, transforms.stamp_ns)
 
     def _odometry(self, entity: str, odometry: m.Odometry) -> Iterable[Drawn]:
+        """A real sensor, whose true place nobody knows, is drawn where it is believed to be."""
         self._sensor_frame = odometry.child_frame.removesuffix(_ESTIMATED_SUFFIX)
-        pose = odometry.T_frame_child[np.newaxis]
-        yield Edges(entity, (odometry.frame,), (odometry.child_frame,), pose, odometry.stamp_ns)
+        parents, children = [odometry.frame], [odometry.child_frame]
+        poses = [odometry.T_frame_child]
+        if self._sensor_frame not in self._true_frames:
+            parents, children = [*parents, odometry.child_frame], [*children, self._sensor_frame]
+            poses.append(SE3.identity().xyz_quat_xyzw)
+        yield Edges(entity, tuple(parents), tuple(children), np.array(poses), odometry.stamp_ns)
         position_m = SE3.from_xyz_quat_xyzw(odometry.T_frame_child).translation
         yield from _trail(ESTIMATED_TRAIL, self._estimated_trail, position_m, odometry.frame, odometry.stamp_ns)
 

@@ -91,6 +91,16 @@ def test_transforms_move_frames():
     assert (edges.parents, edges.children, edges.T_parent_child[0, 0]) == (("world",), ("lidar",), 1.5)
 
 
+def test_a_sensor_of_unknown_place_is_where_it_is_believed_to_be():
+    scene = Scene()
+    (edges,) = scene.draw(c.MAP_ODOMETRY, odometry(0.5))
+    assert (edges.parents, edges.children) == (("map", "lidar_estimated"), ("lidar_estimated", "lidar"))
+    np.testing.assert_array_equal(edges.T_parent_child[1], [0, 0, 0, 0, 0, 0, 1])
+    list(scene.draw(c.TF, transforms(0.0)))
+    (edges,) = scene.draw(c.MAP_ODOMETRY, odometry(0.5))
+    assert (edges.parents, edges.children) == (("map",), ("lidar_estimated",))
+
+
 def test_static_transforms_hold_at_all_times():
     (edges,), (static,) = drawn(c.TF, transforms(1.5, 7)), drawn(c.TF_STATIC, transforms(1.5, 7))
     assert (edges.stamp_ns, static.stamp_ns) == (7, None)
