@@ -5,9 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-_MAX_STEP_M = 0.5
-"""What moves farther at once did not go there: the line breaks."""
-
 
 class Trail:
     """Positions in, lines out. A line is drawn once and stays, so a long way costs no more than a short one.
@@ -28,6 +25,4 @@ class Trail:
         if distance_m < self._step_m:
             return None
         self._last_m, self._is_gap = position_m, self._is_dashed and not self._is_gap
-        if last_m is None or distance_m > _MAX_STEP_M or self._is_gap:
-            return None
-        return np.stack([last_m, position_m])
+        return None if last_m is None or self._is_gap else np.stack([last_m, position_m])

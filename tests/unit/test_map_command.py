@@ -57,11 +57,11 @@ def test_a_folder_is_mapped(hyrecro, folder, recorded_scans, method):
 
 
 def test_what_the_viewer_shows_can_go_to_a_file(hyrecro, folder):
-    code, _, err = hyrecro("map", folder, "--num", 3, "--rrd", "map.rrd")
+    code, _, err = hyrecro("map", folder, "--rrd", "map.rrd")
     assert (code, err) == (0, "")
     printed = run("rerun", "rrd", "print", folder.parent / "map.rrd")
     entities = set(re.findall(r"/[a-z_/]+", printed.stdout))
-    assert entities >= {"/lidar/points", "/map/cloud", "/map/planes", "/map/odometry", "/trajectory/estimated"}
+    assert entities >= {"/lidar/points", "/map/cloud", "/map/planes", "/map/odometry", "/map/status/score"}
 
 
 def test_a_summary_is_for_people(hyrecro, folder):
