@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -81,9 +82,12 @@ def _problems_of(reading: FileOrderReading) -> list[str]:
 def show_live(config: Config, viewer: RerunViewer, picture_s: float | None, is_stopping: Callable[[], bool]) -> Shown:
     """Draws what the robot says until the viewer is closed or `is_stopping`; waits for a pipeline, and for the next.
 
+    Ctrl-Z is not heard: a stopped subscriber would hold up the bus, and with it the robot.
+
     picture_s: ends when so much simulated time has been drawn; None = no such end.
     """
     configure_logs(verbosity=-1)
+    signal.signal(signal.SIGTSTP, signal.SIG_IGN)
     endpoint = config.bus.endpoint
     if not is_reachable(endpoint):
         print(f"hyrecro: no router at {endpoint} yet; waiting for one", file=sys.stderr)
