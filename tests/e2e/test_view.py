@@ -33,6 +33,7 @@ def shown(tmp_path_factory):
     with started(waiting, folder / "view", endpoint) as view:
         stderr = view.directory / "stderr.txt"
         wait_until(lambda: "waiting" in stderr.read_text(), "the view to say that it waits")
+        view.process.send_signal(signal.SIGTSTP)  # Ctrl-Z, which is not heard
         with started(hyrecro_command("up"), folder / "up", endpoint) as pipeline:
             assert view.process.wait(120) == Exit.FINE, stderr.read_text()
             assert pipeline.stop(signal.SIGINT) == Exit.INTERRUPTED
