@@ -20,7 +20,7 @@ from shared.messaging.frames import FrameTree
 
 ROBOT, STRUCTURE, FIXED_FOOT = "robot", "structure", "fixed_foot"
 TRUE_TRAIL, ESTIMATED_TRAIL = "trajectory/true", "trajectory/estimated"
-FIXED_FOOT_STATE = "leg/state/fixed_foot"
+FIXED_FOOT_STATE = f"{c.LEG_STATE.key}/fixed_foot"
 
 MAX_RATES_HZ = {c.TF: 20.0, c.JOINTS_STATE: 20.0, c.DEPTH_IMAGE: 5.0, c.DEPTH_CAMERA_INFO: 1.0}
 """Of simulated time: as often as people look. The other channels are drawn message by message."""
