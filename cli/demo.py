@@ -98,7 +98,7 @@ def _print_tables(figures: dict[str, Any], folder: Path) -> None:
     console.print(scores)
     files = " ".join(sorted(path.name for path in folder.iterdir() if path.is_file()))
     console.print(f"files in {folder}: {files}", soft_wrap=True, highlight=False)
-    console.print(f"look at it:  rerun {folder}/run.mcap {folder}/layout", soft_wrap=True, highlight=False)
+    console.print(f"look at it:  hyrecro view {folder}/run.mcap", soft_wrap=True, highlight=False)
 
 
 _PRIORS = {"legs": "leg odometry", "imu": "the IMU", "constant_velocity": "the trend of the last scans"}

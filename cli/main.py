@@ -22,6 +22,7 @@ from cli import (
     sim_commands,
     structure_commands,
     sweep_commands,
+    view_commands,
 )
 from shared.errors import ConfigError, HyrecroError, InputFileError
 from shared.runtime.exit_codes import Exit
@@ -39,6 +40,7 @@ eval_commands.register(app)
 sweep_commands.register(app)
 replay_commands.register(app)
 app.add_typer(bag_commands.app, name="bag", help="Look into recordings, verify, recover and convert them.")
+view_commands.register(app)
 app.add_typer(cloud_commands.app, name="cloud", help="Find planes in clouds, filter and save them.")
 app.add_typer(record_commands.app, name="record", help="Start and stop recordings, and see what they hold.")
 app.add_typer(robot_commands.app, name="robot", help="Command the robot and read its state.")

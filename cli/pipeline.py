@@ -124,7 +124,7 @@ class Pipeline:
                 stdout=output,
                 stderr=subprocess.STDOUT if output else None,
                 start_new_session=True,
-                preexec_fn=_end_with_parent,
+                preexec_fn=end_with_parent,
             )
         finally:
             if output is not None:
@@ -158,7 +158,7 @@ class Pipeline:
         self.stop()
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """Runs in the child before exec: SIGTERM when the parent is killed, so that no process is ever left behind."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() == 1:

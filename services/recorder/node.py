@@ -3,10 +3,8 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
-from services.recorder.layout import write_layout
 from services.recorder.recorder import Recorder
 from services.recorder.ros_schemas import prepare
 from shared.messaging.channels import RECORDER_CONTROL, RECORDER_STATUS, Channel, channels_of
@@ -22,7 +20,7 @@ def build_node(config: Config, _context: Context) -> Node:
     channels = channels_of(config.sensors.others)
     for channel in channels:
         prepare(channel.ros_type)  # before anything waits in the inbox
-    recorder = Recorder(config.recorder, metadata, channels, on_file=_write_layout)
+    recorder = Recorder(config.recorder, metadata, channels)
     inputs: Mapping[Channel, Callable[[Any], Messages]] = {
         channel: partial(recorder.add, channel) for channel in channels if channel.is_recorded
     }
@@ -39,7 +37,3 @@ def build_node(config: Config, _context: Context) -> Node:
         num_lost=recorder.num_lost_to_disk,
         exit_code=lambda: Exit.PARTIAL if recorder.has_lost else Exit.FINE,
     )
-
-
-def _write_layout(path: Path) -> None:
-    write_layout(path.parent / "layout", path)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from pathlib import Path
 
 from services.recorder.bus_counts import BusCounts
 from services.recorder.disk import RecordingError, check_room, free_bytes
@@ -41,26 +40,20 @@ class Recorder:
     and what a service says that has seen no time yet. Before any time is known such messages wait, up to a thousand of
     them, or a recording of a real sensor, whose time is that of day, would begin in 1970.
 
-    metadata: text kept at the head of each file. channels: the table, with those of further sensors. on_file: called
-    with the path of each file that is begun, soon after.
+    metadata: text kept at the head of each file. channels: the table, with those of further sensors.
 
     Raises:
         ConfigError: `config.channels` has a pattern that no key matches.
     """
 
     def __init__(
-        self,
-        config: RecorderConfig,
-        metadata: Mapping[str, str],
-        channels: Iterable[Channel] = CHANNELS,
-        on_file: Callable[[Path], None] = lambda path: None,
+        self, config: RecorderConfig, metadata: Mapping[str, str], channels: Iterable[Channel] = CHANNELS
     ) -> None:
-        self._config, self._metadata, self._on_file = config, metadata, on_file
+        self._config, self._metadata = config, metadata
         self._channels = tuple(channels)
         if (problem := problem_with(config.channels, self._channels)) is not None:
             raise ConfigError([f"recorder.{problem}"])
         self._run: Run | None = None
-        self._file: Path | None = None
         self._bus = BusCounts()
         self._kept: dict[str, Record] = {}
         self._stamp_ns: int | None = None
@@ -149,7 +142,6 @@ class Recorder:
         self._bus.settle()
         self._run = Run(self._config, folder, self._channels, Selection(patterns), self._metadata, self._kept)
         self._news = News()
-        self._note_file()
 
     def _end(self, max_wait_s: float) -> None:
         run = self._run
@@ -191,7 +183,6 @@ class Recorder:
     # ---- what it says
 
     def _status(self) -> RecorderStatus:
-        self._note_file()
         run, seq = self._run, self._num_statuses
         self._num_statuses += 1
         return RecorderStatus(
@@ -206,11 +197,6 @@ class Recorder:
             text=run.text if run else "",
             channels=run.records(self._bus.outstanding()) if run else (),
         )
-
-    def _note_file(self) -> None:
-        if self._run is not None and self._run.path != self._file:
-            self._file = self._run.path
-            self._on_file(self._file)
 
 
 def _time_of(message: Message) -> int | None:
