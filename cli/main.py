@@ -20,7 +20,7 @@ from cli import (
     structure_commands,
     sweep_commands,
 )
-from shared.errors import ConfigError, HyrecroError, InputFileError
+from shared.errors import ConfigError, HyrecroError, InputFileError, StoppedError
 from shared.runtime.exit_codes import Exit
 
 app = typer.Typer(
@@ -50,6 +50,9 @@ def main() -> None:
     except (ConfigError, InputFileError) as error:
         print(f"hyrecro: {error}", file=sys.stderr)
         sys.exit(Exit.USAGE)
+    except StoppedError as error:
+        print(f"hyrecro: {error}", file=sys.stderr)
+        sys.exit(Exit.PARTIAL)
     except HyrecroError as error:
         print(f"hyrecro: {error}", file=sys.stderr)
         sys.exit(Exit.FAILED)
