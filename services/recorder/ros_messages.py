@@ -5,6 +5,7 @@ Headers carry the message's own stamp and frame. Commands have no stamp: theirs 
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -114,7 +115,7 @@ def _stop(stop: m.Stop, _stamp_ns: int) -> object:
     return ros.string(stop.text)
 
 
-def _sim_control(control: m.SimControl, _stamp_ns: int) -> object:
+def _control(control: m.SimControl | m.RecorderControl, _stamp_ns: int) -> object:
     """The JSON that could have been typed."""
     return ros.string(json.dumps({key: value for key, value in to_jsonable(control).items() if value is not None}))
 
@@ -237,6 +238,20 @@ def _tracking_metrics(metrics: m.TrackingMetrics, stamp_ns: int) -> object:
     return ros.own(metrics, stamp_ns, **unknown, num_map_points=metrics.num_map_points or 0)
 
 
+def _recorder_status(status: m.RecorderStatus, stamp_ns: int) -> object:
+    return ros.own(status, stamp_ns, channels=[_channel_record(record) for record in status.channels])
+
+
+def _channel_record(record: m.ChannelRecord) -> object:
+    """What nobody counts is -1."""
+    counts = dataclasses.asdict(record)
+    return ros.new("hyrecro_msgs/msg/ChannelRecord", **counts | {"num_published": _or_minus_one(record.num_published)})
+
+
+def _or_minus_one(count: int | None) -> int:
+    return -1 if count is None else count
+
+
 def _event(event: m.Event, stamp_ns: int) -> object:
     """The key of a refused command stands in `function`, which nothing else here uses."""
     return ros.new(
@@ -280,7 +295,8 @@ ROS_FORMS: Mapping[type[m.Message], RosForm] = {
     m.ActuatorTarget: RosForm("sensor_msgs/msg/JointState", _actuator_target),
     m.FootTarget: RosForm("geometry_msgs/msg/PoseStamped", _foot_target),
     m.Stop: RosForm("std_msgs/msg/String", _stop),
-    m.SimControl: RosForm("std_msgs/msg/String", _sim_control),
+    m.SimControl: RosForm("std_msgs/msg/String", _control),
+    m.RecorderControl: RosForm("std_msgs/msg/String", _control),
     m.JointState: RosForm("sensor_msgs/msg/JointState", _joints),
     m.ActuatorState: RosForm("sensor_msgs/msg/JointState", _actuators),
     m.LegState: RosForm("hyrecro_msgs/msg/LegState", _leg_state),
@@ -299,6 +315,7 @@ ROS_FORMS: Mapping[type[m.Message], RosForm] = {
     m.PlaneMap: RosForm("hyrecro_msgs/msg/PlaneMap", _plane_map),
     m.MapStatus: RosForm("hyrecro_msgs/msg/MapStatus", _map_status),
     m.TrackingMetrics: RosForm("hyrecro_msgs/msg/TrackingMetrics", _tracking_metrics),
+    m.RecorderStatus: RosForm("hyrecro_msgs/msg/RecorderStatus", _recorder_status),
     m.Event: RosForm("rcl_interfaces/msg/Log", _event),
     m.Health: RosForm("diagnostic_msgs/msg/DiagnosticArray", _health),
 }

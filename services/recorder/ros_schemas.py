@@ -92,6 +92,25 @@ float64 map_accuracy_mean_m
 float64 map_accuracy_p95_m
 int64 num_map_points
 """,
+    "hyrecro_msgs/msg/ChannelRecord": """\
+string key
+int64 num_received
+int64 num_written
+int64 num_lost_on_bus
+int64 num_lost_to_disk
+int64 num_published
+""",
+    "hyrecro_msgs/msg/RecorderStatus": """\
+std_msgs/Header header
+int64 seq
+bool is_recording
+string path
+int64 num_files
+int64 num_bytes
+int64 free_bytes
+string text
+hyrecro_msgs/ChannelRecord[] channels
+""",
 }
 
 

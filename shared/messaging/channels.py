@@ -84,6 +84,9 @@ ROBOT_STOP = Channel(key="robot/stop", message=m.Stop, delivery=EVERY, ros_type=
 SIM_CONTROL = Channel(
     key="sim/control", message=m.SimControl, delivery=EVERY, ros_type="std_msgs/msg/String", is_command=True
 )
+RECORDER_CONTROL = Channel(
+    key="recorder/control", message=m.RecorderControl, delivery=EVERY, ros_type="std_msgs/msg/String", is_command=True
+)
 JOINTS_STATE = Channel(
     key="joints/state",
     message=m.JointState,
@@ -214,6 +217,14 @@ EVAL_METRICS = Channel(
     rate_hz=1.0,
     is_kept=True,
 )
+RECORDER_STATUS = Channel(
+    key="recorder/status",
+    message=m.RecorderStatus,
+    delivery=EVERY,
+    ros_type="hyrecro_msgs/msg/RecorderStatus",
+    rate_hz=1.0,
+    is_kept=True,
+)
 EVENTS = Channel(key="events", message=m.Event, delivery=EVERY, ros_type="rcl_interfaces/msg/Log")
 HEALTH = Channel(
     key="health/*",
@@ -231,6 +242,7 @@ CHANNELS: tuple[Channel, ...] = (
     FOOT_TARGET,
     ROBOT_STOP,
     SIM_CONTROL,
+    RECORDER_CONTROL,
     JOINTS_STATE,
     ACTUATORS_STATE,
     LEG_STATE,
@@ -248,6 +260,7 @@ CHANNELS: tuple[Channel, ...] = (
     MAP_PLANES,
     MAP_STATUS,
     EVAL_METRICS,
+    RECORDER_STATUS,
     EVENTS,
     HEALTH,
 )

@@ -34,6 +34,7 @@ from shared.messaging.values import (
     Points as Points,
     Pose as Pose,
     Poses as Poses,
+    RecorderAction as RecorderAction,
     Severity as Severity,
     SimAction as SimAction,
     Vector as Vector,
@@ -191,6 +192,28 @@ class SimControl(Message):
             raise MessageError("one of action, seed, real_time_factor must be given")
         if self.num_steps is not None and self.action is not SimAction.STEP:
             raise MessageError("num_steps belongs to the action step")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecorderControl(Message):
+    """What the recorder shall do.
+
+    run: name of the folder a start writes to, "" = the UTC time. channels: what a start records, patterns of keys below
+    `hyrecro/` such as `lidar/*`; () = what the configuration says.
+
+    Raises:
+        MessageError: run or channels with another action than start.
+    """
+
+    SHORTHAND: ClassVar[str | None] = "action"
+    action: RecorderAction
+    run: str = ""
+    channels: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        Message.__post_init__(self)
+        if (self.run or self.channels) and self.action is not RecorderAction.START:
+            raise MessageError("run and channels belong to the action start")
 
 
 # ---- the robot
@@ -496,3 +519,38 @@ class Health(Measurement):
     rss_bytes: int
     busy_ratio: float
     channels: tuple[ChannelCount, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChannelRecord(Message):
+    """What became of the messages of one key in a recording.
+
+    num_published: by their publisher, as its numbers and its heartbeats tell; None for commands, which nobody numbers.
+    num_received: by the recorder. num_written: handed to the operating system in a whole chunk. num_lost_on_bus:
+    published and not received. num_lost_to_disk: received, and never to be written. Received and neither written nor
+    lost is what still waits for its chunk.
+    """
+
+    key: str
+    num_received: int = 0
+    num_written: int = 0
+    num_lost_on_bus: int = 0
+    num_lost_to_disk: int = 0
+    num_published: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecorderStatus(Measurement):
+    """How the recording goes, or how the last one ended.
+
+    path: of the file being written, or of the last one; "" if there was none. num_files, num_bytes: of this recording.
+    free_bytes: left on its disk. text: why it stopped by itself; "" if it did not. channels: by key.
+    """
+
+    is_recording: bool
+    path: str
+    num_files: int
+    num_bytes: int
+    free_bytes: int
+    text: str = ""
+    channels: tuple[ChannelRecord, ...] = ()

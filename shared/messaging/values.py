@@ -79,3 +79,10 @@ class SimAction(enum.Enum):
     RESUME = "resume"
     STEP = "step"
     RESET = "reset"
+
+
+class RecorderAction(enum.Enum):
+    """What can be asked of the recorder."""
+
+    START = "start"
+    STOP = "stop"

@@ -74,7 +74,7 @@ def test_stamps_and_numbers_that_cannot_be_are_refused(message):
 
 def test_measurements_carry_stamp_seq_and_frame(message):
     commands = {channel.message for channel in CHANNELS if channel.is_command}
-    is_plain = type(message) in commands | {m.ChannelCount, m.Plane}
+    is_plain = type(message) in commands | {m.ChannelCount, m.ChannelRecord, m.Plane}
     assert is_plain or (message.stamp_ns >= 0 and message.seq >= 0 and isinstance(message.frame, str))
 
 
