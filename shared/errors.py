@@ -37,6 +37,10 @@ class StoppedError(HyrecroError):
     """Someone stopped the robot before all was done: what is done is done."""
 
 
+class PortError(HyrecroError):
+    """A port that cannot be listened on."""
+
+
 class BusError(HyrecroError):
     """The router cannot be reached or the session was lost."""
 
