@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import socket
 import threading
 from collections import deque
@@ -25,7 +27,7 @@ from shared.runtime.config import Config
 _MAX_PRESSES = 1000
 _SCENE_PERIOD_S, _TEXT_PERIOD_S, _CLOUD_PERIOD_S = 1 / 15, 0.2, 0.25
 _ANSWER_PERIOD_S, _ANSWER_TIMEOUT_S = 0.3, 1.0
-_CAMERA_FROM_HIP_M = (1.35, -1.15, 0.55)
+_CAMERA_FROM_HIP_M = (1.0, -0.85, 0.4)
 _HIP_ABOVE_FOOT_M = 0.2
 
 
@@ -49,7 +51,8 @@ class Page:
         host, port = config.teleop.host, config.teleop.port
         _refuse_taken(host, port)
         self._presses: deque[p.Presses] = deque(maxlen=_MAX_PRESSES)
-        self._server = viser.ViserServer(host=host, port=port, label="HyReCRo", verbose=False)
+        with contextlib.redirect_stdout(io.StringIO()):  # it prints a box
+            self._server = viser.ViserServer(host=host, port=port, label="HyReCRo", verbose=False)
         self._is_closed = threading.Event()
         self._server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         self._server.gui.set_panel_label("HyReCRo")

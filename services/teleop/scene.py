@@ -36,6 +36,7 @@ class Scene:
         self._server, self._scene = server, server.scene
         self._max_points = max_points
         self._scene.set_up_direction("+z")
+        self._scene.configure_default_lights(cast_shadow=False)  # shadows cost more than all else
         self._layers = {layer: self._scene.add_frame(f"/{layer}", show_axes=False) for layer in LAYERS}
         self._links: dict[str, viser.FrameHandle] = {}
         self._feet: dict[Foot, list[tuple[viser.MeshHandle, tuple[int, int, int]]]] = {foot: [] for foot in Foot}
@@ -140,7 +141,14 @@ class Scene:
 
     def _add_mesh(self, name: str, body: Body) -> viser.MeshHandle:
         return self._scene.add_mesh_simple(
-            name, body.vertices_m, body.triangles, color=body.colour, flat_shading=body.is_flat, side="double"
+            name,
+            body.vertices_m,
+            body.triangles,
+            color=body.colour,
+            flat_shading=body.is_flat,
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
         )
 
     def _add_cloud(

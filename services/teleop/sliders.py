@@ -33,7 +33,7 @@ class JointScale:
 
     def label(self, value: float) -> str:
         """The joint's name and where it is, for people."""
-        return f"{self.name} {value * self.per_si + 0.0:.1f} {self.unit}"
+        return f"{self.name} {round(value * self.per_si, 1) + 0.0:.1f} {self.unit}"
 
 
 def joint_scales(lower: Float, upper: Float) -> list[JointScale]:

@@ -114,7 +114,7 @@ def change_text(free_foot: Foot, contact: SoleContact | None, magnets: MagnetCon
     if not contact.coverage:
         return coloured(name + "would hold nothing: no steel within 20 mm of its sole", "bad")
     found = (
-        f"{100 * contact.coverage:.0f} % of its sole over steel, gap {1e3 * contact.gap_m:.1f} mm, "
+        f"{100 * contact.coverage:.0f} % of its sole over steel, gap {round(1e3 * contact.gap_m, 1) + 0.0:.1f} mm, "
         f"{math.degrees(contact.angle_rad):.1f}\u00b0"
     )
     if contact.is_flush(magnets.max_gap_m, math.radians(magnets.max_angle_deg)):

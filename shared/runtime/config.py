@@ -246,6 +246,12 @@ class TeleopConfig(Section):
     max_points: int = Field(20_000, ge=100, le=1_000_000)
     """Scan and map are thinned to so many points each."""
 
+    @property
+    def url(self) -> str:
+        """Where a browser on this machine finds the page."""
+        host = "127.0.0.1" if self.host in ("0.0.0.0", "::") else self.host  # noqa: S104 - it is compared
+        return f"http://{host}:{self.port}"
+
     @model_validator(mode="after")
     def _renewed_in_time(self) -> TeleopConfig:
         if self.valid_s < 2 / self.rate_hz:
