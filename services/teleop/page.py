@@ -26,7 +26,7 @@ from shared.runtime.config import Config
 
 _MAX_PRESSES = 1000
 _SCENE_PERIOD_S, _TEXT_PERIOD_S, _CLOUD_PERIOD_S = 1 / 15, 0.2, 0.25
-_ANSWER_PERIOD_S, _ANSWER_TIMEOUT_S = 0.3, 1.0
+_ANSWER_PERIOD_S = 0.3
 _CAMERA_FROM_HIP_M = (1.0, -0.85, 0.4)
 _HIP_ABOVE_FOOT_M = 0.2
 
@@ -54,6 +54,7 @@ class Page:
         with contextlib.redirect_stdout(io.StringIO()):  # it prints a box
             self._server = viser.ViserServer(host=host, port=port, label="HyReCRo", verbose=False)
         self._is_closed = threading.Event()
+        self._silence_s = config.teleop.silence_s
         self._server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         self._server.gui.set_panel_label("HyReCRo")
         self._server.gui.main_panel.dock_right()
@@ -133,7 +134,7 @@ class Page:
         """Asks a browser again and again for something that only a page that is alive can answer."""
         while client.client_id in self._server.get_clients():
             try:
-                client.local_storage.get_item("hyrecro", timeout=_ANSWER_TIMEOUT_S)
+                client.local_storage.get_item("hyrecro", timeout=self._silence_s)
             except TimeoutError:
                 continue
             except RuntimeError:  # it is gone, or keeps no storage and says so, which is an answer too
