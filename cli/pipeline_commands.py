@@ -1,4 +1,4 @@
-"""`hyrecro up`, `teleop`, `demo`, `simulate`, `router`, `doctor`: start the pipeline or a part, or look at its ground."""
+"""`hyrecro up`, `teleop`, `demo`, `simulate`, `router`, `doctor`: start the pipeline or a part, or look at it."""
 
 from __future__ import annotations
 

@@ -36,6 +36,12 @@ _STOP_STYLE = (
     "<style>[id='{stop}']{{height:3.2em!important;font-size:1.15em;font-weight:800;letter-spacing:.06em}}"
     ".mantine-Slider-markLabel{{display:none}}</style>"
 )
+_ESCAPE_IN_FIELDS = (
+    "<img src=\"data:,\" hidden onerror=\"window.stopId='{stop}';window.hasEscape||window.addEventListener('keydown',"
+    "e=>e.key==='Escape'&&e.target.tagName==='INPUT'&&document.getElementById(window.stopId)?.click(),true);"
+    'window.hasEscape=true">'
+)
+"""viser's keys do nothing while somebody types into a field. A stop must."""
 _TIME = {"Pause": SimAction.PAUSE, "Resume": SimAction.RESUME, "Step": SimAction.STEP, "Reset": SimAction.RESET}
 _PACES = {"x 0.1": 0.1, "x 0.5": 0.5, "x 1": 1.0, "x 2": 2.0}
 _RECORDING = {"Record": RecorderAction.START, "Stop recording": RecorderAction.STOP}
@@ -97,11 +103,10 @@ class Panels:
 
     def _build_top(self) -> None:
         stop = self._gui.add_button("STOP  (Esc)", color="red", order=1, hint="Halts every drive at once.")
-        self._gui.add_html(_STOP_STYLE.format(stop=stop._impl.uuid), order=0)
+        self._gui.add_html((_STOP_STYLE + _ESCAPE_IN_FIELDS).format(stop=stop._impl.uuid), order=0)
         self._on_click(stop, lambda client, _: p.Stopped(client, "STOP was pressed"))
-        for label, key in (("Stop the robot", "escape"), ("Stop the robot (space)", "space")):
-            command = self._gui.add_command(label, description="halts every drive at once", hotkey=key)  # type: ignore[arg-type]
-            command.on_trigger(self._reaction(lambda client, _: p.Stopped(client, "a key was pressed")))
+        command = self._gui.add_command("Stop the robot", description="halts every drive at once", hotkey="escape")
+        command.on_trigger(self._reaction(lambda client, _: p.Stopped(client, "Escape was pressed")))
         self._status = self._gui.add_html("", order=3)
         self._warning = self._gui.add_html("", order=4)
 

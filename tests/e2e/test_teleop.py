@@ -11,17 +11,18 @@ from shared.messaging.inbox import Inbox
 from shared.messaging.messages import Foot, JointState, LegState, SimAction, SimControl, Stop
 from tests.e2e.conftest import wait_for_services
 from tests.support.browser import chromium, free_port, opened, press, set_joint, shows
-from tests.support.processes import hyrecro_command, run, started, wait_until
+from tests.support.processes import ROOT, hyrecro_command, run, started, wait_until
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(600)]
 
-SERVICES = {"recorder", "evaluator", "mapper", "lidar", "planner", "sim"}
+SERVICES = {"recorder", "evaluator", "mapper", "planner", "sim"}
+NO_SENSORS = ("--set", "sensors.lidar.enabled=false", "--set", "sensors.depth.enabled=false")
 FAR_DEG = "150"
 
 
 @pytest.fixture(scope="module")
 def pipeline(tmp_path_factory):
-    command = hyrecro_command("up", "--set", "sensors.depth.enabled=false")
+    command = hyrecro_command("up", *NO_SENSORS)
     with started(command, tmp_path_factory.mktemp("up")) as running:
         wait_for_services(running, SERVICES)
         yield running
@@ -125,12 +126,16 @@ def test_stop_halts_every_joint_at_once(pipeline, teleop, browser):
     page.close()
 
 
-def test_a_key_stops_too(pipeline, teleop, browser):
+def test_escape_stops_in_a_field_and_outside(pipeline, teleop, browser):
     page = opened(browser, teleop.port)
     set_off(pipeline, page)
-    page.locator("canvas").first.click(position={"x": 50, "y": 400})
     page.keyboard.press("Escape")
-    shows(page, "the robot is stopped: teleop, a key was pressed")
+    shows(page, "the robot is stopped: teleop, STOP was pressed")
+    rests(pipeline)
+    set_off(pipeline, page)
+    page.mouse.click(50, 400)
+    page.keyboard.press("Escape")
+    shows(page, "the robot is stopped: teleop, Escape was pressed")
     rests(pipeline)
     page.close()
 
@@ -185,10 +190,10 @@ def test_a_port_that_is_taken_is_told(pipeline, teleop):
 
 def test_stop_by_command_and_by_zenoh(pipeline):
     assert pipeline.hyrecro("robot", "stop", "enough").stdout == "accepted\n"
-    for value in ("", "{", "\u00a1alto!"):
+    for value in ("0", "{", "\u00a1alto!"):
         assert pipeline.zenoh("put", "-k", "hyrecro/robot/stop", "-v", value).returncode == 0
     with started(
-        hyrecro_command("robot", "play", "configs/trajectories/climb.csv"),
+        hyrecro_command("robot", "play", ROOT / "configs/trajectories/climb.csv"),
         pipeline.directory / "play",
         pipeline.endpoint,
     ) as play:

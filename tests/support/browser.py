@@ -34,11 +34,11 @@ def chromium() -> Iterator[Browser]:
             browser.close()
 
 
-def opened(browser: Browser, port: int, width: int = 800, height: int = 800) -> Page:
+def opened(browser: Browser, port: int, width: int = 720, height: int = 800) -> Page:
     """The page, connected and with numbers on it."""
     page = browser.new_page(viewport={"width": width, "height": height})
     page.set_default_timeout(SLOW_MS)
-    page.goto(f"http://127.0.0.1:{port}")
+    page.goto(f"http://127.0.0.1:{port}?fixedDpr=0.25")  # few pixels: only the controls matter here
     shows(page, re.compile("You command|You watch"))
     shows(page, re.compile(r"q1 -?\d"))
     return page
