@@ -9,7 +9,7 @@ import viser
 
 from services.teleop import presses as p, texts
 from services.teleop.footing import contact_of
-from services.teleop.scene import LAYERS
+from services.teleop.scene import HIDDEN, LAYERS
 from services.teleop.sliders import COARSE, FINE, JointScale
 from services.teleop.teleop import Teleop
 from shared.climbing.steel import SteelSurface
@@ -159,7 +159,7 @@ class Panels:
 
     def _build_view(self) -> None:
         with self._gui.add_folder("Show"):
-            self._layers = {layer: self._gui.add_checkbox(layer.capitalize(), True) for layer in LAYERS}
+            self._layers = {layer: self._gui.add_checkbox(layer.capitalize(), layer not in HIDDEN) for layer in LAYERS}
         with self._gui.add_folder("Camera"):
             self._camera = self._gui.add_checkbox("Follow robot", True)
         with self._gui.add_folder("Services"):

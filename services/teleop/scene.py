@@ -19,12 +19,14 @@ from shared.messaging.messages import Foot, LegState, LidarScan, Message, PlaneM
 from shared.robot.kinematics import FOOT_LINKS
 
 LAYERS = ("robot", "structure", "scan", "map", "planes")
+HIDDEN = ("planes",)
+"""Layers that are not seen before somebody asks: outlines of planes cover much of the view."""
 M = TypeVar("M", bound=Message)
 
 _FIXED_COLOUR = (255, 140, 26)
 _MAX_SHADE_M = 6.0
 """Ranges beyond this have the last colour: what is near matters on a climb."""
-_POINT_SIZE_M = 0.012
+_POINT_SIZE_M = 0.008
 _MAP_FRAME = "map"
 _WORLD = "world"
 
@@ -43,7 +45,7 @@ class Scene:
         self._drawn: dict[type[Message], Message] = {}
         self._is_shown = dict.fromkeys(LAYERS, True)
         self._ranges = _lut("turbo_r")
-        self._heights = _lut("cool")
+        self._heights = _lut("Blues_r")
         self._num_planes = 0
 
     def draw_robot(self, bodies: Sequence[Body]) -> None:

@@ -35,12 +35,13 @@ def browser():
 
 
 @pytest.fixture
-def teleop(pipeline, tmp_path):
-    """The page's process; the robot stands at its start, at rest."""
+def teleop(pipeline, tmp_path, request):
+    """The page's process; the robot stands at its start, at rest. Its parameter: how long a page may be silent."""
     with pipeline.bus() as bus:
         bus.command(SIM_CONTROL, SimControl(action=SimAction.RESET))
     port = free_port()
-    command = hyrecro_command("teleop", "--set", f"teleop.port={port}", "--set", "teleop.silence_s=30")
+    silence_s = getattr(request, "param", 30)
+    command = hyrecro_command("teleop", "--set", f"teleop.port={port}", "--set", f"teleop.silence_s={silence_s}")
     with started(command, tmp_path / "teleop", pipeline.endpoint) as running:
         wait_for_services(running, {"teleop"})
         running.port = port
@@ -145,6 +146,16 @@ def test_closing_the_page_halts_the_robot(pipeline, teleop, browser):
     set_off(pipeline, page)
     page.close()
     assert rests(pipeline)[3] < np.deg2rad(float(FAR_DEG)) - 0.1
+
+
+@pytest.mark.parametrize("teleop", [3], indirect=True)
+def test_a_page_that_hangs_halts_the_robot(pipeline, teleop, browser):
+    page = opened(browser, teleop.port)
+    set_off(pipeline, page)
+    page.evaluate("setTimeout(() => { const start = Date.now(); while (Date.now() - start < 20000); }, 0)")
+    assert rests(pipeline)[3] < np.deg2rad(float(FAR_DEG)) - 0.1
+    shows(page, "the robot is stopped: teleop, the page that commands does not answer")
+    page.close()
 
 
 def test_killing_the_pages_process_halts_the_robot(pipeline, teleop, browser):
