@@ -36,12 +36,13 @@ def browser():
 
 @pytest.fixture
 def teleop(pipeline, tmp_path, request):
-    """The page's process; the robot stands at its start, at rest. Its parameter: how long a page may be silent."""
+    """The page's process; the robot stands at its start, at rest. Its parameter: more settings."""
     with pipeline.bus() as bus:
         bus.command(SIM_CONTROL, SimControl(action=SimAction.RESET))
     port = free_port()
-    silence_s = getattr(request, "param", 30)
-    command = hyrecro_command("teleop", "--set", f"teleop.port={port}", "--set", f"teleop.silence_s={silence_s}")
+    more = getattr(request, "param", ["teleop.silence_s=30"])
+    settings = [part for setting in (f"teleop.port={port}", *more) for part in ("--set", setting)]
+    command = hyrecro_command("teleop", *settings)
     with started(command, tmp_path / "teleop", pipeline.endpoint) as running:
         wait_for_services(running, {"teleop"})
         running.port = port
@@ -70,8 +71,13 @@ def rests(pipeline):
 
 
 def set_off(pipeline, page):
-    set_joint(page, 3, FAR_DEG)
-    wait_until(lambda: moves(pipeline), "a joint that moves")
+    """Tried again where a page that is still busy with its first picture did not answer, and was not believed."""
+
+    def is_off():
+        set_joint(page, 3, FAR_DEG)
+        return any(moves(pipeline) for _ in range(30))
+
+    wait_until(is_off, "a joint that moves")
 
 
 def test_a_slider_moves_its_joint_and_no_other(pipeline, teleop, browser):
@@ -148,11 +154,11 @@ def test_closing_the_page_halts_the_robot(pipeline, teleop, browser):
     assert rests(pipeline)[3] < np.deg2rad(float(FAR_DEG)) - 0.1
 
 
-@pytest.mark.parametrize("teleop", [3], indirect=True)
+@pytest.mark.parametrize("teleop", [["teleop.silence_s=8", "teleop.speed_share=0.1"]], indirect=True)
 def test_a_page_that_hangs_halts_the_robot(pipeline, teleop, browser):
     page = opened(browser, teleop.port)
     set_off(pipeline, page)
-    page.evaluate("setTimeout(() => { const start = Date.now(); while (Date.now() - start < 20000); }, 0)")
+    page.evaluate("setTimeout(() => { const start = Date.now(); while (Date.now() - start < 25000); }, 0)")
     assert rests(pipeline)[3] < np.deg2rad(float(FAR_DEG)) - 0.1
     shows(page, "the robot is stopped: teleop, the page that commands does not answer")
     page.close()
