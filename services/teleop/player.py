@@ -6,13 +6,30 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 from shared.runtime.children import end_with_parent
 from shared.runtime.exit_codes import Exit
 
 _STOP_TIMEOUT_S = 5.0
 _MAX_TEXT_BYTES = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """A player under way, and the file that takes what it complains of."""
+
+    name: str
+    process: subprocess.Popen[bytes]
+    complaints: IO[bytes]
+
+    def last_complaint(self) -> str:
+        """The last line it wrote; empty if there is none."""
+        self.complaints.seek(0)
+        lines = self.complaints.read(_MAX_TEXT_BYTES).decode(errors="replace").strip().splitlines()
+        return lines[-1] if lines else ""
 
 
 class PlayerProcess:
@@ -24,53 +41,51 @@ class PlayerProcess:
     def __init__(self, trajectories: Mapping[str, Path], arguments: Sequence[str]) -> None:
         self._trajectories = trajectories
         self._arguments = list(arguments)
-        self._process: subprocess.Popen[bytes] | None = None
-        self._name = ""
-        self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 - as long as this object lives
+        self._run: _Run | None = None
 
     def follow(self, wanted: str | None) -> str | None:
         """Starts or ends the player so that the wanted trajectory runs; how it ended, if it did so by itself."""
         if wanted is None:
             self.stop()
             return None
-        if self._process is None:
-            self._start(wanted)
-        return self._ending()
+        if self._run is None:
+            self._run = self._started(wanted)
+        return self._ending(self._run)
 
     def stop(self) -> None:
         """Ends the player, if there is one. Idempotent."""
-        process, self._process = self._process, None
-        if process is None:
+        run, self._run = self._run, None
+        if run is None:
             return
-        process.terminate()
+        run.process.terminate()
         try:
-            process.wait(_STOP_TIMEOUT_S)
+            run.process.wait(_STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+            run.process.kill()
+            run.process.wait()
+        run.complaints.close()
 
-    def _start(self, name: str) -> None:
-        self._complaints.seek(0)
-        self._complaints.truncate()
-        self._name = name
-        override = f"player.trajectory={self._trajectories[name]}"
-        self._process = subprocess.Popen(  # noqa: S603 - our own module
-            [sys.executable, "-m", "services.player", "-q", *self._arguments, "--set", override],
+    def _started(self, name: str) -> _Run:
+        complaints = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the player has ended
+        process = subprocess.Popen(  # noqa: S603 - our own module
+            [
+                *(sys.executable, "-m", "services.player", "-q"),
+                *self._arguments,
+                *("--set", f"player.trajectory={self._trajectories[name]}"),
+            ],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
-            stderr=self._complaints,
+            stderr=complaints,
             start_new_session=True,
             preexec_fn=end_with_parent,
         )
+        return _Run(name, process, complaints)
 
-    def _ending(self) -> str | None:
-        assert self._process is not None
-        code = self._process.poll()
+    def _ending(self, run: _Run) -> str | None:
+        code = run.process.poll()
         if code is None:
             return None
-        self._process = None
-        if code == Exit.FINE:
-            return f"trajectory {self._name}: done"
-        self._complaints.seek(0)
-        lines = self._complaints.read(_MAX_TEXT_BYTES).decode(errors="replace").strip().splitlines()
-        return f"trajectory {self._name}: {lines[-1] if lines else f'ended with exit code {code}'}"
+        text = "done" if code == Exit.FINE else run.last_complaint() or f"ended with exit code {code}"
+        run.complaints.close()
+        self._run = None
+        return f"trajectory {run.name}: {text}"

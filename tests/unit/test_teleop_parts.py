@@ -139,7 +139,7 @@ def test_a_player_is_ended_with_what_wanted_it():
         {"climb": path}, ["--set", "bus.endpoint=tcp/127.0.0.1:9", "--set", "bus.connect_timeout_s=60"]
     )
     assert player.follow("climb") is None
-    process = player._process
+    process = player._run.process
     assert process.poll() is None
     player.follow(None)
     assert process.poll() is not None
