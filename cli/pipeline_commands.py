@@ -50,16 +50,18 @@ def up(
 def teleop(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None) -> None:
     """Drives the running robot from a page in a browser; Ctrl-C ends the page, and halts what it has set off."""
     from argparse import Namespace
-    from functools import partial
 
     from services.teleop.node import build_node
+    from shared.runtime.config import Config
+    from shared.runtime.node import Context, Node
     from shared.runtime.runner import run_service
 
-    settings = resolved(config, set_)
-    arguments = service_arguments(config, set_ or [])
-    print(f"page at {settings.teleop.url}; Ctrl-C ends it", file=sys.stderr)
-    options = Namespace(config=config, set=set_ or [], verbosity=-1, log_json=False)
-    run_service("teleop", partial(build_node, arguments), options)
+    def build(settings: Config, context: Context) -> Node:
+        node = build_node(service_arguments(config, set_ or []), settings, context)
+        print(f"page at {settings.teleop.url}; Ctrl-C ends it", file=sys.stderr)
+        return node
+
+    run_service("teleop", build, Namespace(config=config, set=set_ or [], verbosity=-1, log_json=False))
 
 
 def demo(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None, is_json: JsonOption = False) -> None:
