@@ -24,7 +24,7 @@ from cli import (
     sweep_commands,
     view_commands,
 )
-from shared.errors import ConfigError, HyrecroError, InputFileError
+from shared.errors import ConfigError, HyrecroError, InputFileError, StoppedError
 from shared.runtime.exit_codes import Exit
 
 app = typer.Typer(
@@ -58,6 +58,9 @@ def main() -> None:
     except (ConfigError, InputFileError) as error:
         print(f"hyrecro: {error}", file=sys.stderr)
         sys.exit(Exit.USAGE)
+    except StoppedError as error:
+        print(f"hyrecro: {error}", file=sys.stderr)
+        sys.exit(Exit.PARTIAL)
     except HyrecroError as error:
         print(f"hyrecro: {error}", file=sys.stderr)
         sys.exit(Exit.FAILED)

@@ -14,9 +14,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from cli.pipeline import end_with_parent
 from shared.errors import HyrecroError
 from shared.messaging.bus import is_reachable
+from shared.runtime.children import end_with_parent
 
 _BINARY = Path(str(files("rerun_cli"))) / "rerun"
 DEFAULT_PORT = 9090

@@ -34,6 +34,11 @@ def foot_target(ros_message: Any, _seq: int) -> m.FootTarget:
     return m.FootTarget(T_world_foot=np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w]))
 
 
+def stop(ros_message: Any, _seq: int) -> m.Stop:
+    """With its reason."""
+    return m.Stop(text=ros_message.data)
+
+
 def control(message_type: type[M]) -> Callable[[Any, int], M]:
     """The reader of a command that was recorded as the JSON that could have been typed."""
     return lambda ros_message, _seq: decode_command(message_type, ros_message.data.encode())

@@ -85,7 +85,7 @@ def _joint_state(
 
 
 def _joint_target(target: m.JointTarget, stamp_ns: int) -> object:
-    """The wanted duration has no place in a JointState and is not recorded."""
+    """How long it may take and is valid has no place in a JointState and is not recorded."""
     names = m.JOINT_NAMES[: len(target.q)] if target.names is None else target.names
     return _joint_state(ros.header(stamp_ns, ""), names, target.q)
 
@@ -109,6 +109,10 @@ def _foot_target(target: m.FootTarget, stamp_ns: int) -> object:
         assert target.normal is not None
         pose = SE3.from_z_axis(target.normal, target.point_m).xyz_quat_xyzw
     return ros.new("geometry_msgs/msg/PoseStamped", header=ros.header(stamp_ns, "world"), pose=ros.pose(pose))
+
+
+def _stop(stop: m.Stop, _stamp_ns: int) -> object:
+    return ros.string(stop.text)
 
 
 def _control(control: m.SimControl | m.RecorderControl | m.ReplayControl, _stamp_ns: int) -> object:
@@ -290,6 +294,7 @@ ROS_FORMS: Mapping[type[m.Message], RosForm] = {
     m.LegTarget: RosForm("std_msgs/msg/String", _leg_target),
     m.ActuatorTarget: RosForm("sensor_msgs/msg/JointState", _actuator_target),
     m.FootTarget: RosForm("geometry_msgs/msg/PoseStamped", _foot_target),
+    m.Stop: RosForm("std_msgs/msg/String", _stop),
     m.SimControl: RosForm("std_msgs/msg/String", _control),
     m.RecorderControl: RosForm("std_msgs/msg/String", _control),
     m.ReplayControl: RosForm("std_msgs/msg/String", _control),

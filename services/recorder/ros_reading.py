@@ -249,6 +249,7 @@ _FROM_ROS: dict[type[m.Message], Callable[[Any, int], m.Message]] = {
     m.LegTarget: commands.leg_target,
     m.ActuatorTarget: commands.actuator_target,
     m.FootTarget: commands.foot_target,
+    m.Stop: commands.stop,
     m.SimControl: commands.control(m.SimControl),
     m.RecorderControl: commands.control(m.RecorderControl),
     m.ReplayControl: commands.control(m.ReplayControl),

@@ -86,6 +86,7 @@ FOOT_TARGET = Channel(
     ros_type="geometry_msgs/msg/PoseStamped",
     is_command=True,
 )
+ROBOT_STOP = Channel(key="robot/stop", message=m.Stop, delivery=EVERY, ros_type="std_msgs/msg/String", is_command=True)
 SIM_CONTROL = Channel(
     key="sim/control", message=m.SimControl, delivery=EVERY, ros_type="std_msgs/msg/String", is_command=True
 )
@@ -248,6 +249,7 @@ CHANNELS: tuple[Channel, ...] = (
     LEG_TARGET,
     ACTUATORS_TARGET,
     FOOT_TARGET,
+    ROBOT_STOP,
     SIM_CONTROL,
     RECORDER_CONTROL,
     REPLAY_CONTROL,

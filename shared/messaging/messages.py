@@ -53,6 +53,8 @@ class Message:
     VERSION: ClassVar[int] = 1
     SHORTHAND: ClassVar[str | None] = None
     """The field that a bare value typed by a person stands for: `B` for `{"foot": "B"}`."""
+    IS_CERTAIN: ClassVar[bool] = False
+    """Whether a command counts even where its bytes cannot be read: then all its fields have their defaults."""
     __slots__ = ()
 
     def __post_init__(self) -> None:
@@ -100,12 +102,29 @@ class JointTarget(Message):
     """Where the joints shall go: all eight values in `q`, or those of `names`. Radians; metres for q2 and q7.
 
     duration_s: the motion takes this long, or longer where velocity limits ask for it; without it, the limits decide.
+    valid_s: so long, in simulated time, the robot believes its commander to be there. The same target sent again renews
+    it without disturbing the motion; when it runs out, the joints halt. None = until it is reached.
     """
 
     SHORTHAND: ClassVar[str | None] = "q"
     q: NamedValues
     names: tuple[str, ...] | None = None
     duration_s: float | None = None
+    valid_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stop(Message):
+    """Every drive halts where it is, at once; steps and trajectories under way end. text: who stops, and why."""
+
+    SHORTHAND: ClassVar[str | None] = "text"
+    IS_CERTAIN: ClassVar[bool] = True
+    text: str = ""
+
+    @property
+    def reason(self) -> str:
+        """For people to read."""
+        return f"stopped: {self.text}" if self.text else "stopped"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -237,6 +237,39 @@ class PlannerConfig(Section):
     """Of simulated time, for the joints to arrive or the feet to change."""
 
 
+class TeleopConfig(Section):
+    """The page in a browser."""
+
+    enabled: bool = False
+    """Whether `hyrecro up` starts it too."""
+    host: str = "127.0.0.1"
+    """Where it listens: whoever reaches it can move the robot. Inside a container 0.0.0.0, published on loopback."""
+    port: int = Field(8080, ge=1, le=65535)
+    rate_hz: float = Field(10.0, ge=1, le=50)
+    """Joint targets a second, renewals too."""
+    valid_s: float = Field(0.5, gt=0, le=10)
+    """A joint target that is not renewed for so long halts the robot."""
+    silence_s: float = Field(2.0, gt=0, le=60)
+    """A page that commands and does not answer for so long halts the robot."""
+    speed_share: float = Field(0.3, gt=0, le=1)
+    """Of the joints' velocity limits, to begin with."""
+    postures: InputFile = Path("postures.csv")
+    max_points: int = Field(20_000, ge=100, le=1_000_000)
+    """Scan and map are thinned to so many points each."""
+
+    @property
+    def url(self) -> str:
+        """Where a browser on this machine finds the page."""
+        host = "127.0.0.1" if self.host in ("0.0.0.0", "::") else self.host  # noqa: S104 - it is compared
+        return f"http://{host}:{self.port}"
+
+    @model_validator(mode="after")
+    def _renewed_in_time(self) -> TeleopConfig:
+        if self.valid_s < 2 / self.rate_hz:
+            raise ValueError(f"valid_s {self.valid_s} must be at least two periods of rate_hz, {2 / self.rate_hz:g}")
+        return self
+
+
 class EvaluatorConfig(Section):
     """Comparison with the truth."""
 
@@ -261,8 +294,9 @@ class Config(Section):
     player: PlayerConfig = PlayerConfig.model_construct()
     planner: PlannerConfig = PlannerConfig()
     evaluator: EvaluatorConfig = EvaluatorConfig()
+    teleop: TeleopConfig = TeleopConfig.model_construct()
 
-    @field_validator("player", mode="before")
+    @field_validator("player", "teleop", mode="before")
     @classmethod
-    def _player_is_checked(cls, value: object) -> object:
-        return {} if isinstance(value, PlayerConfig) else value
+    def _default_is_checked(cls, value: object) -> object:
+        return {} if isinstance(value, Section) else value

@@ -16,7 +16,15 @@ from types import FrameType
 import psutil
 import structlog
 
-from shared.errors import CodecError, ConfigError, HyrecroError, InputFileError, MessageError, RefusedError
+from shared.errors import (
+    CodecError,
+    ConfigError,
+    HyrecroError,
+    InputFileError,
+    MessageError,
+    RefusedError,
+    StoppedError,
+)
 from shared.messaging.bus import Bus
 from shared.messaging.channels import EVENTS, HEALTH, Channel
 from shared.messaging.codec import decode, decode_command
@@ -62,6 +70,9 @@ def run_service(name: str, build_node: BuildNode, arguments: argparse.Namespace 
     except InputFileError as error:
         _complain(name, str(error))
         sys.exit(Exit.USAGE)
+    except StoppedError as error:
+        _complain(name, str(error))
+        sys.exit(Exit.PARTIAL)
     except HyrecroError as error:
         if not stop.is_set():
             _complain(name, str(error))

@@ -62,7 +62,7 @@ def test_every_setting_has_its_unit_or_is_a_plain_number(path):
     assert numbers != []
     units = ("_m", "_s", "_hz", "_deg", "_mib", "_kib", "_rad", "_n", "_mps2", "_radps", "_px", "_per_m")
     is_plain = re.compile(
-        r"num_\w+|max_iterations|max_map_points|max_planes|seed|reflectivity|detection_steepness"
+        r"num_\w+|max_iterations|max_map_points|max_points|max_planes|port|seed|reflectivity|detection_steepness"
         r"|\w*(tolerance|score|novelty|factor|friction|share|margin|deviations|stride)"
     )
     assert [name for name in numbers if not (name.endswith(units) or is_plain.fullmatch(name))] == []

@@ -16,6 +16,8 @@ _PLANE = m.Plane(
 )
 EXAMPLES: tuple[m.Message, ...] = (
     m.JointTarget(q=np.linspace(-0.4, 0.4, 8), duration_s=2.5),
+    m.JointTarget(q=np.array([0.1]), names=("q4",), valid_s=0.5),
+    m.Stop(text="someone is near"),
     m.LegTarget(foot=m.Foot.B),
     m.ActuatorTarget(positions=np.array([0.22, 0.1]), names=("a1_l", "th_a"), duration_s=1.5),
     m.FootTarget(foot=m.Foot.B, T_world_foot=_POSE),
