@@ -1,0 +1,22 @@
+"""Markdown that is made from code."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+NOTE = "<!-- Made by `python -m tools.docs`: change the code it is made from. -->\n"
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table; cells are escaped and stay on one line."""
+    lines = [_line(heads), "|" + "---|" * len(heads), *map(_line, rows)]
+    return "\n".join(lines) + "\n"
+
+
+def code(text: str) -> str:
+    """Text as inline code; empty text stays empty."""
+    return f"`{text}`" if text else ""
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in cells) + " |"

@@ -1,0 +1,70 @@
+"""Who sends and who takes what: asked of the services' own nodes."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from services.evaluator import node as evaluator
+from services.mapper import node as mapper
+from services.planner import node as planner
+from services.player import node as player
+from services.recorder import node as recorder
+from services.sensors import node as sensors
+from services.sim import node as sim
+from shared.messaging.channels import CHANNELS, EVENTS, HEALTH
+from shared.runtime.config import Config
+from shared.runtime.config_loading import load_config
+from shared.runtime.node import Context, Node
+from shared.runtime.runner import BuildNode
+
+PEOPLE = "people, programs"
+
+
+@dataclass(frozen=True, slots=True)
+class Wires:
+    """One service, or the people who command it, and the keys it sends and takes."""
+
+    name: str
+    sends: frozenset[str]
+    takes: frozenset[str]
+
+
+def all_wires() -> list[Wires]:
+    """Everybody, in the order in which data flow. The mapper takes what it takes of either sensor."""
+    commands = frozenset(channel.key for channel in CHANNELS if channel.is_command)
+    everyone = [Wires(PEOPLE, commands, frozenset())]
+    for name, build in _builders().items():
+        nodes = [_built(build, [f"mapper.input={kind}"]) for kind in (("lidar", "depth") if name == "mapper" else ("lidar",))]
+        sent = {channel.key for node in nodes for channel in node.outputs} | {EVENTS.key, HEALTH.key}
+        everyone.append(Wires(name, frozenset(sent), frozenset(_inputs(nodes))))
+    return everyone
+
+
+def _builders() -> dict[str, BuildNode]:
+    def sensor(name: str) -> BuildNode:
+        return lambda config, context: sensors.build_node(name, config, context)
+
+    return {
+        "player": player.build_node,
+        "planner": planner.build_node,
+        "sim": sim.build_node,
+        "lidar": sensor("lidar"),
+        "depth": sensor("depth"),
+        "mapper": mapper.build_node,
+        "evaluator": evaluator.build_node,
+        "recorder": recorder.build_node,
+    }
+
+
+def _inputs(nodes: Iterable[Node]) -> set[str]:
+    return {channel.key for node in nodes for channel in node.inputs}
+
+
+def _built(build: BuildNode, overrides: list[str]) -> Node:
+    with tempfile.TemporaryDirectory() as folder:
+        config: Config = load_config(overrides=[*overrides, f"recorder.directory={folder}"])
+        node = build(config, Context(clock_ns=lambda: 0))
+        node.on_stop()
+    return node
