@@ -9,11 +9,9 @@ import typer
 
 from cli.main import app
 from shared.runtime.exit_codes import Exit
-from tools.docs.markdown import NOTE, code, table
+from tools.docs.markdown import code, page, table
 
-_INTRODUCTION = """# Commands
-
-`make setup` puts `hyrecro` into `.venv/bin`. Each command says the same with `--help`.
+_INTRODUCTION = """`make setup` puts `hyrecro` into `.venv/bin`. Each command says the same with `--help`.
 
 """
 _COMMON = {
@@ -32,12 +30,12 @@ _MEANINGS = {
 
 def commands_page() -> str:
     """The whole page: exit codes, options that many commands share, every command."""
-    parts = [NOTE, _INTRODUCTION, "## Exit codes\n\n"]
+    parts = [_INTRODUCTION, "## Exit codes\n\n"]
     parts.append(table(["code", "meaning"], ([str(code_.value), _MEANINGS[code_]] for code_ in Exit)))
     parts += ["\n## Common options\n\nMany commands take these:\n\n", *(f"- {text}.\n" for text in _COMMON.values())]
     root: Any = typer.main.get_command(app)
     parts += [_section(command, context) for command, context in _leaves(root, typer.Context(root, info_name="hyrecro"))]
-    return "".join(parts)
+    return page("Commands", *parts)
 
 
 def _leaves(group: Any, context: typer.Context) -> Iterator[tuple[Any, typer.Context]]:

@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from html import escape
 
-NOTE = "<!-- Made by `python -m tools.docs`: change the code it is made from. -->\n"
+_NOTE = "<!-- Made by `python -m tools.docs`: change the code it is made from. -->"
+
+
+def page(title: str, *parts: str) -> str:
+    """A whole page, with a note for who would edit it."""
+    return "".join((f"# {title}\n\n{_NOTE}\n\n", *parts))
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -14,7 +20,9 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def code(text: str) -> str:
-    """Text as inline code; empty text stays empty."""
+    """Text as inline code; empty text stays empty. A bar in it would end a table's cell."""
+    if "|" in text:
+        return f"<code>{escape(text, quote=False).replace('|', '&#124;')}</code>"
     return f"`{text}`" if text else ""
 
 

@@ -11,11 +11,9 @@ from shared.messaging.channels import CHANNELS
 from shared.messaging.fields import FieldSpec, shape_text, specs_of
 from shared.messaging.messages import Measurement, Message
 from tools.docs.keys import linked_channel_table
-from tools.docs.markdown import NOTE, code, table
+from tools.docs.markdown import code, page, table
 
-_INTRODUCTION = """# Keys and messages
-
-All keys stand below `hyrecro/`; `bus.namespace` puts a name before that, for several robots. A second sensor of a kind has
+_INTRODUCTION = """All keys stand below `hyrecro/`; `bus.namespace` puts a name before that, for several robots. A second sensor of a kind has
 keys of its own: `lidar_rear/points` beside `lidar/points`.
 
 LATEST: who publishes drops rather than waits, who subscribes keeps the newest two. EVERY: nothing is left out; queues are
@@ -65,7 +63,7 @@ def messages_page() -> str:
     parts = [_INTRODUCTION, "## Keys\n\n", linked_channel_table(), "\n", _MEASURED]
     parts.append(_field_table(Measurement))
     parts += [part for message in _messages() for part in _section(message)]
-    return NOTE + "".join(parts)
+    return page("Keys and messages", *parts)
 
 
 def _messages() -> list[type[Message]]:

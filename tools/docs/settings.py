@@ -22,11 +22,9 @@ from ruamel.yaml.comments import CommentedMap
 from shared.runtime.config import CONFIGS_DIR, Config
 from shared.runtime.section import Section
 from shared.runtime.sensor_config import PRESETS_DIR, MountConfig, SensorConfig
-from tools.docs.markdown import NOTE, code, table
+from tools.docs.markdown import code, page, table
 
-_INTRODUCTION = """# Settings
-
-Built-in values come first, then a file (`--config FILE`, or the name of a preset in `configs/`), the environment
+_INTRODUCTION = """Built-in values come first, then a file (`--config FILE`, or the name of a preset in `configs/`), the environment
 (`HYRECRO_MAPPER__VOXEL_SIZE_M=0.1`), and last the command line (`--set mapper.voxel_size_m=0.1`). A file states only what
 differs. `configs/default.yaml` has all of them; `hyrecro config show` prints what results, `hyrecro config check` names
 every problem at once. Names end in their units.
@@ -39,7 +37,7 @@ _LIMITS = {"gt": "> {}", "ge": "≥ {}", "lt": "< {}", "le": "≤ {}"}
 def settings_page() -> str:
     """The whole page, a section of the configuration a heading."""
     comments = YAML().load((CONFIGS_DIR / "default.yaml").read_text(encoding="utf-8"))
-    return NOTE + _INTRODUCTION + "".join(_sections(Config, "", comments))
+    return page("Settings", _INTRODUCTION, *_sections(Config, "", comments))
 
 
 def _sections(section: type[Section], path: str, comments: CommentedMap) -> Iterator[str]:
@@ -58,7 +56,8 @@ def _sections(section: type[Section], path: str, comments: CommentedMap) -> Iter
 
 
 def _cells(section: type[Section], name: str, field: FieldInfo, comments: CommentedMap) -> list[str]:
-    meaning = _attribute_docs(section).get(name) or _comment(comments, name)
+    is_choice = typing.get_origin(field.annotation) is typing.Literal  # its comment only lists the choices
+    meaning = _attribute_docs(section).get(name) or ("" if is_choice else _comment(comments, name))
     default = field.get_default(call_default_factory=True, validated_data={})
     return [code(_shown(default)), _allowed(field), meaning]
 
