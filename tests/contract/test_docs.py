@@ -21,6 +21,11 @@ DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 SETTINGS = [CONFIGS_DIR / "default.yaml", *sorted((CONFIGS_DIR / "sensors").glob("**/*.yaml"))]
 
 
+@pytest.fixture(scope="module")
+def wires():
+    return all_wires()
+
+
 def test_what_is_made_from_code_is_current():
     stale = [path.name for path, text in generated_files().items() if not path.exists() or path.read_text() != text]
     assert stale == [], "python -m tools.docs writes them anew"
@@ -36,17 +41,18 @@ def test_every_message_has_its_section_and_its_doc():
 def test_every_setting_says_what_it_means():
     rows = [line for line in settings_page().splitlines() if line.startswith("| `")]
     assert len(rows) > 100
-    assert [row for row in rows if row.endswith("|  |")] == [], "a string below the setting, or a comment in default.yaml"
+    assert [row for row in rows if row.endswith("|  |")] == [], "a string below it in the code, or a comment"
 
 
-def test_the_data_flow_shows_every_process_and_key():
+def test_the_data_flow_shows_every_process_and_key(wires):
     services = {path.parent.name for path in ROOT.glob("services/*/node.py")} - {"sensors"}
-    assert {wires.name for wires in all_wires()} == {PEOPLE} | services | set(SENSOR_CHANNELS)
-    assert [channel.key for channel in CHANNELS if f">{channel.key}</text>" not in dataflow_svg()] == []
+    assert {one.name for one in wires} == {PEOPLE} | services | set(SENSOR_CHANNELS)
+    picture = dataflow_svg(wires)
+    assert [channel.key for channel in CHANNELS if f">{channel.key}</text>" not in picture] == []
 
 
-def test_the_mapper_takes_no_truth():
-    (mapper,) = (wires for wires in all_wires() if wires.name == "mapper")
+def test_the_mapper_takes_no_truth(wires):
+    (mapper,) = (one for one in wires if one.name == "mapper")
     assert {"lidar/points", "depth/image"} < mapper.takes
     assert "tf" not in mapper.takes
 

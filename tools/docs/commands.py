@@ -34,7 +34,7 @@ def commands_page() -> str:
     parts.append(table(["code", "meaning"], ([str(code_.value), _MEANINGS[code_]] for code_ in Exit)))
     parts += ["\n## Common options\n\nMany commands take these:\n\n", *(f"- {text}.\n" for text in _COMMON.values())]
     root: Any = typer.main.get_command(app)
-    parts += [_section(command, context) for command, context in _leaves(root, typer.Context(root, info_name="hyrecro"))]
+    parts += [_section(*leaf) for leaf in _leaves(root, typer.Context(root, info_name="hyrecro"))]
     return page("Commands", *parts)
 
 

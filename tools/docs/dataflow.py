@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from html import escape
 
 from shared.messaging.channels import CHANNELS, Channel
-from tools.docs.wiring import PEOPLE, Wires, all_wires
+from tools.docs.wiring import PEOPLE, Wires
 
 _LABEL_PX, _COLUMN_PX, _ROW_PX, _HEAD_PX, _FOOT_PX, _MARGIN_PX = 190, 96, 25, 74, 52, 20
 _INK, _FAINT, _PAPER, _STRIPE = "#26323a", "#c9d2d8", "#ffffff", "#f4f7f8"
@@ -22,9 +22,8 @@ _COLOURS = {
 }
 
 
-def dataflow_svg() -> str:
-    """The picture as SVG text."""
-    wires = all_wires()
+def dataflow_svg(wires: list[Wires]) -> str:
+    """The picture as SVG text, a column each."""
     columns = {wire.name: _LABEL_PX + _COLUMN_PX * (k + 0.5) for k, wire in enumerate(wires)}
     width = _LABEL_PX + _COLUMN_PX * len(wires) + _MARGIN_PX
     height = _HEAD_PX + _ROW_PX * len(CHANNELS) + _FOOT_PX
@@ -84,7 +83,7 @@ def _legend(y: float) -> Iterator[str]:
     yield _text(x + 12, y, "sends")
     yield f'<circle cx="{x + 66}" cy="{y - 4}" r="4.6" fill="{_PAPER}" stroke="{_INK}" stroke-width="2"/>'
     yield _text(x + 78, y, "takes")
-    yield _text(x + 132, y, "Bold keys are commands. The mapper takes either sensor, as mapper.input says; never tf, the truth.")
+    yield _text(x + 132, y, "Bold keys are commands. Of the two sensors the mapper takes one, as mapper.input says.")
 
 
 def _text(x: float, y: float, text: str, *, fill: str = _INK, anchor: str = "start", weight: int = 400) -> str:

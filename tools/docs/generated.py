@@ -10,6 +10,7 @@ from tools.docs.decisions import decisions_page
 from tools.docs.keys import channel_table, ros_table
 from tools.docs.messages import messages_page
 from tools.docs.settings import settings_page
+from tools.docs.wiring import all_wires
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -23,7 +24,7 @@ def generated_files() -> dict[Path, str]:
         DOCS / "reference" / "commands.md": commands_page(),
         DOCS / "reference" / "settings.md": settings_page(),
         DOCS / "adr" / "README.md": decisions_page(DOCS / "adr"),
-        DOCS / "pictures" / "dataflow.svg": dataflow_svg(),
+        DOCS / "pictures" / "dataflow.svg": dataflow_svg(all_wires()),
         ROOT / "ARCHITECTURE.md": _with_table(ROOT / "ARCHITECTURE.md", channel_table()),
         DOCS / "ros.md": _with_table(DOCS / "ros.md", ros_table()),
     }

@@ -13,20 +13,20 @@ from shared.messaging.messages import Measurement, Message
 from tools.docs.keys import linked_channel_table
 from tools.docs.markdown import code, page, table
 
-_INTRODUCTION = """All keys stand below `hyrecro/`; `bus.namespace` puts a name before that, for several robots. A second sensor of a kind has
-keys of its own: `lidar_rear/points` beside `lidar/points`.
+_INTRODUCTION = """All keys stand below `hyrecro/`; `bus.namespace` puts a name before that, for several robots. A
+second sensor of a kind has keys of its own: `lidar_rear/points` beside `lidar/points`.
 
-LATEST: who publishes drops rather than waits, who subscribes keeps the newest two. EVERY: nothing is left out; queues are
-bounded, and an overflow is counted. A *kept* channel answers queries with its last message.
+LATEST: who publishes drops rather than waits, who subscribes keeps the newest two. EVERY: nothing is left out; queues
+are bounded, and an overflow is counted. A *kept* channel answers queries with its last message.
 
-On the wire a message is a MessagePack map with the fields below. Arrays written as *list* travel as lists of numbers, the
-others as little-endian bytes (*bin*). A command may come as JSON text, or bare where it says so.
+On the wire a message is a MessagePack map with the fields below. Arrays written as *list* travel as lists of numbers,
+the others as little-endian bytes (*bin*). A command may come as JSON text, or bare where it says so.
 
 """
 _MEASURED = """## Measurements
 
-Everything but commands carries these three too: the simulated time at which it was measured, from 0 to 2^31 s; its number,
-which counts up by one a message of one publisher; and what its coordinates refer to.
+Everything but commands carries these three too: the simulated time at which it was measured, from 0 to 2^31 s; its
+number, which counts up by one a message of one publisher; and what its coordinates refer to.
 
 """
 _UNITS = {

@@ -1,4 +1,4 @@
-"""The page of settings: names, defaults and limits from the configuration's types, meanings from what is written there."""
+"""The page of settings: names, defaults and limits from the configuration's types, meanings from beside them."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from shared.runtime.section import Section
 from shared.runtime.sensor_config import PRESETS_DIR, MountConfig, SensorConfig
 from tools.docs.markdown import code, page, table
 
-_INTRODUCTION = """Built-in values come first, then a file (`--config FILE`, or the name of a preset in `configs/`), the environment
-(`HYRECRO_MAPPER__VOXEL_SIZE_M=0.1`), and last the command line (`--set mapper.voxel_size_m=0.1`). A file states only what
-differs. `configs/default.yaml` has all of them; `hyrecro config show` prints what results, `hyrecro config check` names
-every problem at once. Names end in their units.
+_INTRODUCTION = """Built-in values come first, then a file (`--config FILE`, or the name of a preset in `configs/`), the
+environment (`HYRECRO_MAPPER__VOXEL_SIZE_M=0.1`), and last the command line (`--set mapper.voxel_size_m=0.1`). A file
+states only what differs. `configs/default.yaml` has all of them; `hyrecro config show` prints what results,
+`hyrecro config check` names every problem at once. Names end in their units.
 
 """
 _PRESETS = ("ideal", "original", "datasheet")
@@ -88,7 +88,8 @@ def _section_of(field: FieldInfo) -> type[Section] | None:
 
 def _allowed(field: FieldInfo) -> str:
     hint = field.annotation
-    parts = [text.format(getattr(mark, name)) for mark in field.metadata for name, text in _LIMITS.items() if hasattr(mark, name)]
+    limits = [(mark, name) for mark in field.metadata for name in _LIMITS if hasattr(mark, name)]
+    parts = [_LIMITS[name].format(getattr(mark, name)) for mark, name in limits]
     options = [hint, *typing.get_args(hint)] if isinstance(hint, types.UnionType) else [hint]
     for option in options:
         if typing.get_origin(option) is typing.Literal:

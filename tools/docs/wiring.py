@@ -36,7 +36,8 @@ def all_wires() -> list[Wires]:
     commands = frozenset(channel.key for channel in CHANNELS if channel.is_command)
     everyone = [Wires(PEOPLE, commands, frozenset())]
     for name, build in _builders().items():
-        nodes = [_built(build, [f"mapper.input={kind}"]) for kind in (("lidar", "depth") if name == "mapper" else ("lidar",))]
+        inputs = ("lidar", "depth") if name == "mapper" else ("lidar",)
+        nodes = [_built(build, f"mapper.input={sensor}") for sensor in inputs]
         sent = {channel.key for node in nodes for channel in node.outputs} | {EVENTS.key, HEALTH.key}
         everyone.append(Wires(name, frozenset(sent), frozenset(_inputs(nodes))))
     return everyone
@@ -62,9 +63,9 @@ def _inputs(nodes: Iterable[Node]) -> set[str]:
     return {channel.key for node in nodes for channel in node.inputs}
 
 
-def _built(build: BuildNode, overrides: list[str]) -> Node:
+def _built(build: BuildNode, override: str) -> Node:
     with tempfile.TemporaryDirectory() as folder:
-        config: Config = load_config(overrides=[*overrides, f"recorder.directory={folder}"])
+        config: Config = load_config(overrides=[override, f"recorder.directory={folder}"])
         node = build(config, Context(clock_ns=lambda: 0))
         node.on_stop()
     return node
