@@ -1,0 +1,61 @@
+"""What the quick start and the tutorial in Python tell people to type, typed in that order into a pipeline of its own."""
+
+import json
+import os
+import shlex
+import subprocess
+import sys
+
+import pytest
+
+from tests.e2e.conftest import ALL_SERVICES, wait_for_services
+from tests.support.documents import commands, programs
+from tests.support.processes import ROOT, hyrecro_command, run, started
+
+pytestmark = pytest.mark.e2e
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+REFUSED = "q1 is 9"
+BLIND_AND_QUICK = ("sensors.lidar.enabled=false", "sensors.depth.enabled=false", "sim.real_time_factor=5")
+
+
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory):
+    """A pipeline that nobody has commanded yet."""
+    options = [part for setting in BLIND_AND_QUICK for part in ("--set", setting)]
+    with started(hyrecro_command("up", *options), tmp_path_factory.mktemp("quick_start")) as running:
+        wait_for_services(running, ALL_SERVICES - {"lidar", "depth"})
+        yield running
+
+
+def test_the_quick_start_does_what_it_says(fresh):
+    put, get, refused = (typed(line, fresh) for line in commands("quick_start.md", "zenoh"))
+    assert put.returncode == 0, put.stderr
+    assert len(json.loads(get.stdout)["q"]) == 8
+    assert REFUSED in refused.stderr
+    up, *robot = commands("quick_start.md", "hyrecro")
+    assert up == "hyrecro up"
+    joints, state, step = (fresh.hyrecro(*shlex.split(line)[1:]) for line in robot)
+    assert joints.stdout == "accepted\n"
+    assert "fixed foot  A" in state.stdout
+    assert (step.returncode, step.stdout) == (0, "foot B stands\n"), step.stderr
+
+    *rows, told, at_rest = (printed(program, fresh) for program in programs("tutorials/command_from_python.md"))
+    assert [len(json.loads(row)) for row in rows] == [8]
+    assert told.startswith("refused: ")
+    assert REFUSED in told
+    assert at_rest.startswith("at rest after ")
+
+
+def typed(line, running):
+    """A command line of the documentation, at the endpoint of this test."""
+    return run(*shlex.split(line.replace(DEFAULT_ENDPOINT, running.endpoint)))
+
+
+def printed(program, running):
+    """What a program of the documentation prints."""
+    environment = {**os.environ, "HYRECRO_BUS__ENDPOINT": running.endpoint}
+    command = [sys.executable, "-W", "error", "-c", program]
+    ran = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    return ran.stdout
