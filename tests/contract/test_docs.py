@@ -73,7 +73,7 @@ def test_the_readme_stays_short():
 
 
 def test_the_site_is_built_strictly_and_asks_no_other_host(tmp_path):
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
     built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
     assert built.returncode == 0, built.stderr
     pages = [path.read_text(encoding="utf-8") for path in (tmp_path / "site").glob("**/*.html")]

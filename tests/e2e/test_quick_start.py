@@ -1,4 +1,4 @@
-"""What the quick start and the tutorial in Python tell people to type, typed in that order into a pipeline of its own."""
+"""What the quick start and the Python tutorial tell people to type, in that order, against a pipeline of its own."""
 
 import json
 import os
