@@ -22,11 +22,6 @@ DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 SETTINGS = [CONFIGS_DIR / "default.yaml", *sorted((CONFIGS_DIR / "sensors").glob("**/*.yaml"))]
 
 
-@pytest.fixture(scope="module")
-def wires():
-    return all_wires()
-
-
 def test_what_is_made_from_code_is_current():
     stale = [path.name for path, text in generated_files().items() if not path.exists() or path.read_text() != text]
     assert stale == [], "python -m tools.docs writes them anew"
@@ -45,15 +40,15 @@ def test_every_setting_says_what_it_means():
     assert [row for row in rows if row.endswith("|  |")] == [], "a string below it in the code, or a comment"
 
 
-def test_the_data_flow_shows_every_process_and_key(wires):
+def test_the_data_flow_shows_every_process_and_key():
     services = {path.parent.name for path in ROOT.glob("services/*/node.py")} - {"sensors"}
-    assert {one.name for one in wires} == {PEOPLE} | services | set(SENSOR_CHANNELS)
-    picture = dataflow_svg(wires)
+    assert {wires.name for wires in all_wires()} == {PEOPLE} | services | set(SENSOR_CHANNELS)
+    picture = dataflow_svg(all_wires())
     assert [channel.key for channel in CHANNELS if f">{channel.key}</text>" not in picture] == []
 
 
-def test_the_mapper_takes_no_truth(wires):
-    (mapper,) = (one for one in wires if one.name == "mapper")
+def test_the_mapper_takes_no_truth():
+    (mapper,) = (wires for wires in all_wires() if wires.name == "mapper")
     assert {"lidar/points", "depth/image"} < mapper.takes
     assert "tf" not in mapper.takes
 

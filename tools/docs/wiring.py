@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 
 from services.evaluator import node as evaluator
 from services.mapper import node as mapper
@@ -31,7 +32,8 @@ class Wires:
     takes: frozenset[str]
 
 
-def all_wires() -> list[Wires]:
+@cache
+def all_wires() -> tuple[Wires, ...]:
     """Everybody, in the order in which data flow. The mapper takes what it takes of either sensor."""
     commands = frozenset(channel.key for channel in CHANNELS if channel.is_command)
     everyone = [Wires(PEOPLE, commands, frozenset())]
@@ -40,7 +42,7 @@ def all_wires() -> list[Wires]:
         nodes = [_built(build, f"mapper.input={sensor}") for sensor in inputs]
         sent = {channel.key for node in nodes for channel in node.outputs} | {EVENTS.key, HEALTH.key}
         everyone.append(Wires(name, frozenset(sent), frozenset(_inputs(nodes))))
-    return everyone
+    return tuple(everyone)
 
 
 def _builders() -> dict[str, BuildNode]:
