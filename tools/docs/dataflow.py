@@ -63,11 +63,12 @@ def _row(channel: Channel, y: float, wires: tuple[Wires, ...], columns: dict[str
     """A line from who sends to who takes: a disc where it begins, a ring where it is taken."""
     senders = [wire.name for wire in wires if channel.key in wire.sends]
     takers = [wire.name for wire in wires if channel.key in wire.takes]
-    colour = _COLOURS.get(senders[0], _INK) if len(senders) < len(wires) - 1 else _INK
+    is_everyones = not senders or len(senders) == len(wires) - 1
+    colour = _INK if is_everyones else _COLOURS.get(senders[0], _INK)
     weight = 600 if channel.is_command else 400
     yield _text(_LABEL_PX - 14, y + 4.3, channel.key, fill=colour, anchor="end", weight=weight)
-    places = sorted(columns[name] for name in {*senders, *takers})
-    yield f'<path d="M{places[0]} {y}H{places[-1]}" stroke="{colour}" stroke-width="1.6"/>'
+    if places := [columns[name] for name in (*senders, *takers)]:
+        yield f'<path d="M{min(places)} {y}H{max(places)}" stroke="{colour}" stroke-width="1.6"/>'
     for name in senders:
         yield f'<circle cx="{columns[name]}" cy="{y}" r="4.6" fill="{_COLOURS.get(name, _INK)}"/>'
     for name in takers:
