@@ -17,7 +17,8 @@ ROOT_PAGES = {
     "CHANGELOG.md": "changelog.md",
 }
 """Documents beside `docs/` and the pages that stand for them in the site."""
-_LINK = re.compile(r"\]\((?!\w+:|#|/)([^)#\s]+)")
+_LINK = re.compile(r"^```.*?^```|\]\((?!\w+:|#|/)([^)#\s]+)", re.DOTALL | re.MULTILINE)
+"""Where a link of the repository leads; blocks of code are met first, and left as they are."""
 
 
 def on_files(files: Files, *, config: MkDocsConfig) -> Files:
@@ -34,7 +35,7 @@ def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: 
     place = page.file.src_uri
     documents = {name: document for document, name in ROOT_PAGES.items() if name != "index.md"}
     document = documents.get(place, f"docs/{place}")
-    return _LINK.sub(lambda match: "](" + _page_link(document, place, match[1]), markdown)
+    return _LINK.sub(lambda match: f"]({_page_link(document, place, match[1])}" if match[1] else match[0], markdown)
 
 
 def _page_link(document: str, place: str, link: str) -> str:
