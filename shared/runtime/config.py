@@ -182,6 +182,7 @@ class RecorderConfig(Section):
     run: str = Field("", pattern=r"^[A-Za-z0-9_.:-]*$")
     """Name of the run's folder; empty = the UTC time at the start."""
     compression: Literal["lz4", "zstd", "none"] = "lz4"
+    """Of chunks: lz4 is quicker, zstd smaller."""
     chunk_size_kib: int = Field(1024, ge=64, le=65536)
     chunk_period_s: float = Field(0.5, gt=0, le=60)
     """A chunk is closed at least this often: a killed recorder loses no more than this."""
