@@ -310,7 +310,7 @@ def test_schemas_contain_what_they_use():
 
 
 LOST = {
-    m.JointTarget: ("duration_s",),
+    m.JointTarget: ("duration_s", "valid_s"),
     m.ActuatorTarget: ("duration_s",),
     m.FootTarget: ("foot", "point_m", "normal", "T_world_foot"),
     m.Clock: ("frame", "real_time_factor"),
