@@ -27,7 +27,7 @@ from services.recorder.chunk import Compression
 from services.recorder.disk import Output, new_file
 from services.recorder.mcap_log import McapLog
 from services.recorder.records import Record, to_record
-from services.recorder.ros_schemas import schema_text, typestore
+from services.recorder.ros.schemas import schema_text, typestore
 from services.recorder.rotation import FileSeries
 from services.recorder.run_writer import RunWriter
 from shared.runtime.config import RecorderConfig

@@ -23,7 +23,7 @@ Target = Literal["rosbag2", "pcd", "ply", "las"]
 def info(recording: RecordingArgument, is_json: JsonOption = False) -> None:
     """Shows what a recording holds, and what it says of its own losses; exit code 3 where it is INCOMPLETE."""
     from cli.bag_tables import info_json, print_info
-    from services.recorder.overview import overview_of
+    from services.recorder.bag.overview import overview_of
     from services.recorder.tally import COMPLETE
 
     with _progress("read") as on_progress:
@@ -36,7 +36,7 @@ def info(recording: RecordingArgument, is_json: JsonOption = False) -> None:
 def verify(recording: RecordingArgument, is_json: JsonOption = False) -> None:
     """Decodes every message, checks checksums, numbers and stamps; exit code 3 where something is missing."""
     from cli.bag_tables import print_verification, verification_json
-    from services.recorder.verification import verified
+    from services.recorder.bag.verification import verified
 
     with _progress("verify") as on_progress:
         verification = verified(recording, on_progress)
@@ -52,7 +52,7 @@ def recover(
 ) -> None:
     """Copies every whole chunk of a damaged recording into a new one with an index; exit code 3 where some are lost."""
     from cli.bag_tables import print_recovered, recovered_json
-    from services.recorder.recovery import recover as run
+    from services.recorder.bag.recovery import recover as run
 
     with _progress("recover") as on_progress:
         recovered = run(recording, out, on_progress)
@@ -71,7 +71,7 @@ def convert(
     is_json: JsonOption = False,
 ) -> None:
     """Writes a recording as a rosbag2 folder, or its clouds as data0.pcd ...; exit code 3 where some are missing."""
-    from services.recorder.conversion import cloud_channel, to_clouds, to_rosbag2
+    from services.recorder.bag.conversion import cloud_channel, to_clouds, to_rosbag2
     from shared.messaging.channels import LIDAR_POINTS
 
     with _progress("convert") as on_progress:

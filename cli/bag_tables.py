@@ -9,9 +9,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from services.recorder.overview import Overview
-from services.recorder.recovery import Recovered
-from services.recorder.verification import TopicReport, Verification
+from services.recorder.bag.overview import Overview
+from services.recorder.bag.recovery import Recovered
+from services.recorder.bag.verification import TopicReport, Verification
 
 _WIDTH = 120
 

@@ -70,7 +70,7 @@ def _run_pipeline(config: Config, arguments: list[str], folder: Path, is_stoppin
 
 def _write_results(folder: Path, config: Config) -> RunReport:
     from cli.pictures import draw_map
-    from services.recorder.recording import Recording
+    from services.recorder.bag.recording import Recording
     from shared.cloud_files import write_pcd
     from shared.trajectory_files import write_tum
 

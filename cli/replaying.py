@@ -16,12 +16,12 @@ from ruamel.yaml import YAML
 from cli import keyboard
 from cli.keyboard import keys
 from cli.playback import progress_bar
-from services.recorder.channel_choice import chosen
-from services.recorder.lockstep import Lockstep, ReplayError
-from services.recorder.overview import Overview, overview_of
-from services.recorder.recorded import Recorded, RecordingReader
-from services.recorder.replay import Replay, ReplayOptions
-from services.recorder.replay_node import replay_node
+from services.recorder.bag.overview import Overview, overview_of
+from services.recorder.bag.recorded import Recorded, RecordingReader
+from services.recorder.replay.channel_choice import chosen
+from services.recorder.replay.lockstep import Lockstep, ReplayError
+from services.recorder.replay.node import replay_node
+from services.recorder.replay.replay import Replay, ReplayOptions
 from shared.errors import InputFileError, RefusedError
 from shared.messaging.bus import Bus
 from shared.messaging.channels import DEPTH_IMAGE, EVENTS, LIDAR_POINTS, MAP_STATUS, Channel

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from services.recorder.recording import Recording
+from services.recorder.bag.recording import Recording
 from shared.cloud_files import read_cloud, scan_files, unit_warning
 from shared.errors import CloudFileError, InputFileError
 from shared.messaging.channels import (

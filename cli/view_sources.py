@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from cli.playback import progress_bar
 from cli.rerun_viewer import RerunViewer
-from services.recorder.file_order import FileOrderReading
+from services.recorder.bag.file_order import FileOrderReading
 from services.viewer.canvas import Canvas
 from services.viewer.layout import robot_layout
 from services.viewer.live import LiveView

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cli.rerun_viewer import Kind, RerunViewer
 from cli.view_sources import Shown, show_live, show_recordings
-from services.recorder.file_order import FileOrderReading
+from services.recorder.bag.file_order import FileOrderReading
 from services.viewer.canvas import TIMELINE
 from shared.runtime.config import Config
 from shared.runtime.exit_codes import Exit

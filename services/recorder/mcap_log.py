@@ -15,7 +15,7 @@ from services.recorder.chunk import Chunk, Compression
 from services.recorder.disk import Output, RecordingError
 from services.recorder.mcap_summary import MAGIC, Summary
 from services.recorder.records import Record
-from services.recorder.ros_schemas import schema_text
+from services.recorder.ros.schemas import schema_text
 from shared.messaging.channels import Channel
 
 CHUNK_BYTES = 1024 * 1024

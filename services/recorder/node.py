@@ -6,7 +6,7 @@ from importlib.metadata import version
 from typing import Any
 
 from services.recorder.recorder import Recorder
-from services.recorder.ros_schemas import prepare
+from services.recorder.ros.schemas import prepare
 from shared.messaging.channels import RECORDER_CONTROL, RECORDER_STATUS, Channel, channels_of
 from shared.runtime.config import Config
 from shared.runtime.config_loading import dump_config

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from services.recorder.ros_messages import to_cdr
+from services.recorder.ros.messages import to_cdr
 from shared.messaging.channels import Channel
 from shared.messaging.messages import Measurement, Message
 

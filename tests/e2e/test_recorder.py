@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 
 from bench.recorder_kills import accounted, recovered
 from bench.recorder_load import full_load, publish
-from services.recorder.recording import Recording
+from services.recorder.bag.recording import Recording
 from shared.messaging.channels import DEPTH_IMAGE, EVENTS, RECORDER_STATUS
 from shared.messaging.codec import decode
 from shared.messaging.inbox import Inbox

@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from services.recorder.recording import Recording
+from services.recorder.bag.recording import Recording
 from shared.messaging.channels import CHANNELS, HEALTH, LIDAR_POINTS, TF
 from shared.runtime.config_loading import load_config
 from tests.e2e.conftest import ALL_SERVICES, wait_for_services

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from services.recorder.recorded import RecordingReader
-from services.recorder.ros_schemas import typestore
+from services.recorder.bag.recorded import RecordingReader
+from services.recorder.ros.schemas import typestore
 from shared.cloud_files import read_cloud, scan_files
 from shared.messaging.channels import (
     CLOCK,

@@ -3,8 +3,8 @@
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from services.recorder.file_order import FileOrderReading
-from services.recorder.ros_messages import to_cdr
+from services.recorder.bag.file_order import FileOrderReading
+from services.recorder.ros.messages import to_cdr
 from shared.errors import InputFileError
 from shared.messaging.channels import CLOCK, LEG_STATE, LIDAR_IMU
 from shared.messaging.messages import Clock, Foot, Imu, LegState

@@ -6,11 +6,11 @@ import pytest
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
-from services.recorder.mcap_blocks import McapBlocks
-from services.recorder.overview import overview_of
-from services.recorder.recorded import RecordingReader
-from services.recorder.recovery import recover
-from services.recorder.verification import verified
+from services.recorder.bag.mcap_blocks import McapBlocks
+from services.recorder.bag.overview import overview_of
+from services.recorder.bag.recorded import RecordingReader
+from services.recorder.bag.recovery import recover
+from services.recorder.bag.verification import verified
 from shared.errors import InputFileError
 from tests.support.recordings import NUM_SECONDS, said, write_recording
 

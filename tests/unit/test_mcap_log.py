@@ -14,7 +14,7 @@ from mcap_ros2.decoder import DecoderFactory
 from services.recorder.disk import Output, RecordingError, new_file
 from services.recorder.mcap_log import McapLog
 from services.recorder.records import to_record
-from services.recorder.ros_messages import ROS_FORMS
+from services.recorder.ros.messages import ROS_FORMS
 from shared.messaging import channels as c, messages as m
 from tests.support.examples import EXAMPLES
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from services.recorder.bag.recording import Recording
 from services.recorder.disk import RecordingError
 from services.recorder.recorder import Recorder
-from services.recorder.recording import Recording
 from services.recorder.records import to_record
 from services.recorder.rotation import FileSeries
 from services.recorder.run_writer import RunWriter

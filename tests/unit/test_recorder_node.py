@@ -3,9 +3,9 @@
 import pytest
 
 from cli.report import count_messages
+from services.recorder.bag.recording import Recording
 from services.recorder.node import build_node
 from services.recorder.recorder import Recorder
-from services.recorder.recording import Recording
 from shared.messaging.channels import CHANNELS, channels_of
 from shared.messaging.messages import LidarScan
 from shared.runtime.config import RecorderConfig

@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import pytest
 
+from services.recorder.bag.recording import Recording
 from services.recorder.recorder import Recorder
-from services.recorder.recording import Recording
 from shared.errors import InputFileError
 from shared.messaging.channels import CHANNELS, CLOCK, EVENTS, HEALTH, LEG_TARGET
 from shared.messaging.messages import Clock, Event, Foot, Health, LegTarget

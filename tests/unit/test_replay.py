@@ -3,10 +3,10 @@ from dataclasses import replace
 
 import pytest
 
-from services.recorder.channel_choice import chosen
-from services.recorder.lockstep import Lockstep, ReplayError
-from services.recorder.recorded import Recorded, RecordingReader
-from services.recorder.replay import Replay, ReplayOptions
+from services.recorder.bag.recorded import Recorded, RecordingReader
+from services.recorder.replay.channel_choice import chosen
+from services.recorder.replay.lockstep import Lockstep, ReplayError
+from services.recorder.replay.replay import Replay, ReplayOptions
 from shared.errors import InputFileError, RefusedError
 from shared.messaging import channels as c
 from shared.messaging.messages import Clock, LidarScan, MapStatus, ReplayAction, ReplayControl

@@ -5,9 +5,9 @@ import pytest
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 
-from services.recorder.ros_messages import ROS_FORMS, to_cdr
-from services.recorder.ros_reading import from_cdr
-from services.recorder.ros_schemas import OWN_DEFINITIONS, schema_text, typestore
+from services.recorder.ros.messages import ROS_FORMS, to_cdr
+from services.recorder.ros.reading import from_cdr
+from services.recorder.ros.schemas import OWN_DEFINITIONS, schema_text, typestore
 from shared.errors import MessageError
 from shared.messaging import messages as m
 from shared.messaging.channels import CHANNELS, FOOT_TARGET, LIDAR_POINTS

@@ -1,11 +1,11 @@
 import dataclasses
 
+from services.recorder.bag.overview import overview_of
+from services.recorder.bag.verification import verified
 from services.recorder.disk import new_file
 from services.recorder.mcap_log import McapLog
-from services.recorder.overview import overview_of
 from services.recorder.records import to_record
 from services.recorder.tally import COUNTS_METADATA, RUN_METADATA
-from services.recorder.verification import verified
 from shared.messaging.channels import CHANNELS, CLOCK
 from tests.support.recordings import CLOCK_HZ, NUM_SECONDS, clock, write_recording
 

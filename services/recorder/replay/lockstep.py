@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.recorder.recorded import Recorded
+from services.recorder.bag.recorded import Recorded
 from shared.errors import HyrecroError
 from shared.messaging.channels import Channel
 from shared.messaging.messages import MapStatus

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from services.recorder.lockstep import Lockstep
-from services.recorder.recorded import Recorded, UnreadableError
+from services.recorder.bag.recorded import Recorded, UnreadableError
+from services.recorder.replay.lockstep import Lockstep
 from shared.errors import RefusedError
 from shared.messaging.channels import Channel
 from shared.messaging.messages import Clock, MapStatus, Message, ReplayAction, ReplayControl

@@ -1,7 +1,7 @@
-"""ROS 2 CDR bytes as messages again: the other way of `ros_messages`.
+"""ROS 2 CDR bytes as messages again: the other way of `messages`.
 
 What a ROS type has no place for comes back as its default: a clock's pace, a depth image's ground truth, the frame of
-a description, which is its root link. Of commands see `ros_command_reading`.
+a description, which is its root link. Of commands see `command_reading`.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from services.recorder import ros_command_reading as commands, ros_schemas as ros, ros_sensor_reading as sensors
-from services.recorder.ros_messages import LOG_LEVELS
-from services.recorder.ros_sensor_reading import stamp_ns_of
+from services.recorder.ros import command_reading as commands, schemas as ros, sensor_reading as sensors
+from services.recorder.ros.messages import LOG_LEVELS
+from services.recorder.ros.sensor_reading import stamp_ns_of
 from shared.messaging import messages as m
 from shared.messaging.channels import Channel
 from shared.xml_reading import XmlError, root_of

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from services.recorder.mcap_index import Index, index_of
-from services.recorder.recorded import RecordingReader
+from services.recorder.bag.mcap_index import Index, index_of
+from services.recorder.bag.recorded import RecordingReader
 from services.recorder.tally import COMPLETE, COUNTS_METADATA, END_METADATA, INCOMPLETE, RUN_METADATA
 from shared.messaging.channels import Channel, channel_of_topic
 

@@ -1,4 +1,4 @@
-"""ROS 2 messages of sensors as ours again: the other way of `ros_sensors`."""
+"""ROS 2 messages of sensors as ours again: the other way of `sensors`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from services.recorder import ros_schemas as ros
+from services.recorder.ros import schemas as ros
 from shared.messaging import messages as m
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
-from services.recorder.ros_reading import from_cdr
+from services.recorder.ros.reading import from_cdr
 from services.recorder.tally import COUNTS_METADATA, END_METADATA, INCOMPLETE, RUN_METADATA
 from shared.errors import InputFileError
 from shared.messaging import messages as m

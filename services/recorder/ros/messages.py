@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from services.recorder import ros_schemas as ros, ros_sensors as sensors
+from services.recorder.ros import schemas as ros, sensors
 from shared.errors import MessageError
 from shared.geometry import SE3
 from shared.messaging import messages as m

@@ -11,9 +11,9 @@ from typing import IO
 from mcap.records import Channel, McapRecord, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
-from services.recorder.mcap_blocks import Damage, McapBlocks
-from services.recorder.mcap_index import index_of
-from services.recorder.overview import Progress, counts_of
+from services.recorder.bag.mcap_blocks import Damage, McapBlocks
+from services.recorder.bag.mcap_index import index_of
+from services.recorder.bag.overview import Progress, counts_of
 from services.recorder.tally import COUNTS_METADATA, END_METADATA, INCOMPLETE
 from shared.errors import InputFileError
 from shared.messaging.channels import EVENTS, channel_of_topic

@@ -11,9 +11,9 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.errors import WriterError
 
-from services.recorder import ros_schemas as ros
-from services.recorder.overview import Progress
-from services.recorder.recorded import RecordingReader, UnreadableError
+from services.recorder.bag.overview import Progress
+from services.recorder.bag.recorded import RecordingReader, UnreadableError
+from services.recorder.ros import schemas as ros
 from shared.cloud_files import write_cloud, write_scan
 from shared.depth_points import points_of
 from shared.errors import InputFileError

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from services.recorder.overview import Overview, Progress, overview_of
-from services.recorder.recorded import Recorded, RecordingReader, UnreadableError
+from services.recorder.bag.overview import Overview, Progress, overview_of
+from services.recorder.bag.recorded import Recorded, RecordingReader, UnreadableError
 from services.recorder.tally import END_METADATA, INCOMPLETE
 from shared.messaging.messages import Measurement
 from shared.messaging.sequence import SequenceCounter

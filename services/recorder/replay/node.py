@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from services.recorder.replay import Replay
+from services.recorder.replay.replay import Replay
 from shared.messaging.channels import MAP_STATUS, REPLAY_CONTROL, Channel
 from shared.runtime.node import Context, Handler, Node
 

@@ -13,7 +13,7 @@ from mcap.records import Channel as McapChannel, McapRecord, Message as McapMess
 from mcap.stream_reader import StreamReader
 from rosbags.serde import SerdeError
 
-from services.recorder.ros_reading import from_cdr
+from services.recorder.ros.reading import from_cdr
 from shared.errors import InputFileError, MessageError
 from shared.messaging.channels import CHANNELS, PREFIX, Channel, channel_of_key
 from shared.messaging.messages import Message

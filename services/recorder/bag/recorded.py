@@ -9,9 +9,9 @@ from pathlib import Path
 
 from mcap.records import Channel as McapChannel, McapRecord, Message as McapMessage, Metadata, Schema
 
-from services.recorder.mcap_blocks import Damage, McapBlocks
-from services.recorder.mcap_index import index_of
-from services.recorder.ros_reading import from_cdr
+from services.recorder.bag.mcap_blocks import Damage, McapBlocks
+from services.recorder.bag.mcap_index import index_of
+from services.recorder.ros.reading import from_cdr
 from shared.errors import MessageError
 from shared.messaging.channels import Channel, channel_of_topic
 from shared.messaging.messages import Message
