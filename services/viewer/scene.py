@@ -138,7 +138,7 @@ class Scene:
             child_frame=_image_plane(camera.frame),
             image_plane_distance=_CAMERA_SIZE_M,
         )
-        yield Drawing(entity, pinhole, camera.stamp_ns)
+        yield Drawing(entity, pinhole, camera.stamp_ns, camera.frame)
 
     # ---- curves and words
 

@@ -35,8 +35,8 @@ def test_the_quick_start_does_what_it_says(fresh):
     posture = json.loads(shlex.split(move)[-1])["q"]
     wait_until(lambda: np.allclose(joints_of(typed(look, fresh)), posture, atol=1e-6), "the posture of the put")
     assert REFUSED in typed(too_far, fresh).stderr
-    up, *robot = commands("quick_start.md", "hyrecro")
-    assert up == "hyrecro up"
+    look_at, up, *robot, look_again = commands("quick_start.md", "hyrecro")
+    assert (up, look_at) == ("hyrecro up", look_again)
     joints, state, step = (fresh.hyrecro(*shlex.split(line)[1:]) for line in robot)
     assert joints.stdout == "accepted\n"
     assert "fixed foot  A" in state.stdout

@@ -31,6 +31,8 @@ def run_folder(tmp_path_factory):
         assert running.hyrecro("robot", "leg", "B").returncode == 0
         assert running.hyrecro("sim", "speed", "1").returncode == 0
         assert running.zenoh("put", "-k", "hyrecro/actuators/target", "-v", ACTUATORS).returncode == 0
+        assert running.zenoh("put", "-k", "hyrecro/replay/control", "-v", '{"action": "pause"}').returncode == 0
+        assert running.hyrecro("robot", "stop").returncode == 0
         assert running.hyrecro("record", "start").returncode == 1
         in_the_air = ("--point", "0", "0", "20", "--normal", "0", "0", "1")
         assert running.hyrecro("robot", "step", *in_the_air).returncode == 1
