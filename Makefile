@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 KERNELS := $(VENV)/.kernels
 
-.PHONY: setup ouster demo test check lock clean
+.PHONY: setup ouster demo test check docs docs-serve lock clean
 
 setup: $(KERNELS)
 
@@ -44,6 +44,14 @@ check: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest tests/unit tests/contract
+
+# The site: into out/site, or shown on loopback while it is written. What is made from code: python -m tools.docs
+docs docs-serve: export NO_MKDOCS_2_WARNING = 1
+docs: setup
+	$(BIN)/mkdocs build --strict
+
+docs-serve: setup
+	$(BIN)/mkdocs serve
 
 # requirements.lock is what runs (the image), requirements-dev.lock the same and what checks it (.venv)
 COMPILE := uv pip compile --quiet --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --no-annotate

@@ -70,7 +70,7 @@ def _run_pipeline(config: Config, arguments: list[str], folder: Path, is_stoppin
 
 def _write_results(folder: Path, config: Config) -> RunReport:
     from cli.pictures import draw_map
-    from services.recorder.recording import Recording
+    from services.recorder.bag.recording import Recording
     from shared.cloud_files import write_pcd
     from shared.trajectory_files import write_tum
 
@@ -98,7 +98,7 @@ def _print_tables(figures: dict[str, Any], folder: Path) -> None:
     console.print(scores)
     files = " ".join(sorted(path.name for path in folder.iterdir() if path.is_file()))
     console.print(f"files in {folder}: {files}", soft_wrap=True, highlight=False)
-    console.print(f"look at it:  rerun {folder}/run.mcap {folder}/layout", soft_wrap=True, highlight=False)
+    console.print(f"look at it:  hyrecro view {folder}/run.mcap", soft_wrap=True, highlight=False)
 
 
 _PRIORS = {"legs": "leg odometry", "imu": "the IMU", "constant_velocity": "the trend of the last scans"}

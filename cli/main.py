@@ -9,18 +9,22 @@ from types import FrameType
 import typer
 
 from cli import (
+    bag_commands,
     cloud_commands,
     config_commands,
     eval_commands,
     map_commands,
     pipeline_commands,
+    record_commands,
+    replay_commands,
     robot_commands,
     sensor_commands,
     sim_commands,
     structure_commands,
     sweep_commands,
+    view_commands,
 )
-from shared.errors import ConfigError, HyrecroError, InputFileError
+from shared.errors import ConfigError, HyrecroError, InputFileError, StoppedError
 from shared.runtime.exit_codes import Exit
 
 app = typer.Typer(
@@ -34,7 +38,11 @@ pipeline_commands.register(app)
 map_commands.register(app)
 eval_commands.register(app)
 sweep_commands.register(app)
+replay_commands.register(app)
+app.add_typer(bag_commands.app, name="bag", help="Look into recordings, verify, recover and convert them.")
+view_commands.register(app)
 app.add_typer(cloud_commands.app, name="cloud", help="Find planes in clouds, filter and save them.")
+app.add_typer(record_commands.app, name="record", help="Start and stop recordings, and see what they hold.")
 app.add_typer(robot_commands.app, name="robot", help="Command the robot and read its state.")
 app.add_typer(sensor_commands.app, name="sensor", help="See what the sensors see.")
 app.add_typer(sim_commands.app, name="sim", help="Pause, step, pace, reset and seed of simulated time.")
@@ -50,6 +58,9 @@ def main() -> None:
     except (ConfigError, InputFileError) as error:
         print(f"hyrecro: {error}", file=sys.stderr)
         sys.exit(Exit.USAGE)
+    except StoppedError as error:
+        print(f"hyrecro: {error}", file=sys.stderr)
+        sys.exit(Exit.PARTIAL)
     except HyrecroError as error:
         print(f"hyrecro: {error}", file=sys.stderr)
         sys.exit(Exit.FAILED)

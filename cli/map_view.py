@@ -1,77 +1,72 @@
-"""What `hyrecro map` shows in Rerun while the map grows."""
+"""What `hyrecro map` shows in Rerun while the map grows: the scene of `hyrecro view`, of what the mapper says."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from services.mapper.mapper import Mapper
-from shared.messaging.channels import MAP_CLOUD, MAP_PLANES
-from shared.messaging.messages import MapStatus, Message, Odometry
+from services.viewer.canvas import Canvas
+from services.viewer.layout import map_layout
+from services.viewer.scene import Scene, scan_drawing
+from shared.messaging.channels import EVENTS, LIDAR_POINTS, MAP_CLOUD, MAP_ODOMETRY, MAP_PLANES, MAP_STATUS
+from shared.messaging.messages import Message, Odometry
 
 Show = Callable[[Mapper, list[Message]], None]
 
-_MAP_EVERY = 10
-"""Scans between two pictures of the whole map."""
+_CHANNELS = {channel.message: channel for channel in (EVENTS, MAP_CLOUD, MAP_ODOMETRY, MAP_PLANES, MAP_STATUS)}
 
 
 @contextmanager
 def viewed(is_live: bool, rrd: Path | None) -> Iterator[Show]:
     """Gives what is to be called after each scan: it draws scan, map, planes and the way so far.
 
-    is_live: in a viewer of its own. rrd: to a file, which `rerun` opens.
+    is_live: in a window of its own, until that is closed. rrd: to a file, which `rerun` opens.
     """
-    if not is_live and rrd is None:
-        yield lambda _mapper, _said: None
-        return
-    import rerun as rr
-
-    stream = rr.RecordingStream("hyrecro map")
     if rrd is not None:
-        stream.save(rrd)
+        canvas = Canvas(map_layout())
+        canvas.save(rrd)
+        yield from _drawn(canvas)
+    elif is_live:
+        from cli.rerun_viewer import Kind, RerunViewer
+
+        with RerunViewer(Kind.WINDOW) as viewer:
+            viewer.wait_until_ready()
+            canvas = Canvas(map_layout())
+            canvas.connect(viewer.url)
+            yield from _drawn(canvas)
+            print("hyrecro: goes on when the viewer is closed", file=sys.stderr)
+            viewer.wait_until_closed()
     else:
-        stream.spawn()
-    stream.log("map", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    drawing = _Drawing(stream)
-    try:
-        yield drawing.show
-    finally:
-        if drawing.last is not None:
-            drawing.draw_map(drawing.last)
-        stream.flush()
+        yield lambda _mapper, _said: None
 
 
-class _Drawing:
-    def __init__(self, stream: Any) -> None:
-        self._stream = stream
-        self._way: list[np.ndarray] = []
-        self.last: Mapper | None = None
+def _drawn(canvas: Canvas) -> Iterator[Show]:
+    drawing = _MapDrawing(canvas)
+    yield drawing.show
+    drawing.show_whole_map()
+    canvas.close()
+
+
+class _MapDrawing:
+    def __init__(self, canvas: Canvas) -> None:
+        self._canvas, self._scene = canvas, Scene()
+        self._mapper: Mapper | None = None
 
     def show(self, mapper: Mapper, said: list[Message]) -> None:
-        import rerun as rr
-
-        self.last = mapper
+        self._mapper = mapper
         for message in said:
-            if isinstance(message, MapStatus):
-                self._stream.set_time("time", duration=message.stamp_ns * 1e-9)
-                self._stream.log("status/score", rr.Scalars(message.score))
-                self._stream.log("status/registration_ms", rr.Scalars(message.registration_ms))
-        if mapper.last is not None and any(isinstance(message, Odometry) for message in said):
-            self._way.append(mapper.last.T_map_sensor.translation)
-            scan_m = mapper.last.T_map_sensor.apply(mapper.last.points_m)
-            self._stream.log("map/scan", rr.Points3D(scan_m, radii=0.01, colors=[255, 170, 40]))
-            self._stream.log("map/way", rr.LineStrips3D([np.array(self._way)], colors=[80, 200, 255]))
-        if len(self._way) % _MAP_EVERY == 1:
-            self.draw_map(mapper)
+            self._draw(message)
+            if isinstance(message, Odometry) and mapper.last is not None:
+                points_m = mapper.last.points_m
+                self._canvas.draw([scan_drawing(LIDAR_POINTS.key, points_m, message.child_frame, message.stamp_ns)])
 
-    def draw_map(self, mapper: Mapper) -> None:
-        import rerun as rr
+    def show_whole_map(self) -> None:
+        if self._mapper is not None:
+            self._draw(self._mapper.map_cloud())
+            self._draw(self._mapper.map_planes())
 
-        planes = mapper.map_planes().planes
-        outlines = [np.vstack([plane.outline_m, plane.outline_m[:1]]) for plane in planes]
-        self._stream.log(MAP_CLOUD.key, rr.Points3D(mapper.target.points_m, radii=0.008, colors=[150, 150, 160]))
-        self._stream.log(MAP_PLANES.key, rr.LineStrips3D(outlines, colors=[plane.colour for plane in planes]))
+    def _draw(self, message: Message) -> None:
+        self._canvas.draw(self._scene.draw(_CHANNELS[type(message)], message))

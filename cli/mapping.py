@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cli.scan_sources import ScanSource, Warn
 from services.evaluator.map_accuracy import num_points_off_planes
+from services.mapper.in_turn import InTurn
 from services.mapper.mapper import Mapper, Registered
 from services.mapper.node import inputs_of, load_mapper
 from services.mapper.priors.interface import Prior
@@ -20,15 +21,14 @@ from services.mapper.warming import warm_up
 from services.mapper.whole_run import refined
 from shared.geometry import SE3
 from shared.messaging.messages import (
-    DepthImage,
     Event,
-    LidarScan,
     MapStatus,
     Message,
     Odometry,
     PlaneMap,
 )
 from shared.runtime.config import Config
+from shared.runtime.node import Addressed
 
 _NO_MAPS = {"map_rate_hz": 1e-9}
 """The map is asked for at the end, not published on the way."""
@@ -76,18 +76,23 @@ def map_scans(
     mapper = load_mapper(config.mapper.model_copy(update=_NO_MAPS), time.perf_counter_ns, prior=prior)
     if is_refining:
         warm_up(config.mapper, is_refining=True)
-    inputs = inputs_of(mapper, config.mapper, time.perf_counter_ns)
-    handlers = {channel.message: handler for channel, handler in inputs.items()}
     run = MapRun()
     kept: list[Registered] = []
-    for message in source.messages(warn):
-        said = list(handlers[type(message)](message))
-        for answer in said:
-            _note(run, answer, source)
-        if isinstance(message, LidarScan | DepthImage) and said:
-            if is_refining and mapper.last is not None:
-                kept.append(mapper.last)
+
+    def note(said: list[Message]) -> None:
+        if said and is_refining and mapper.last is not None:
+            kept.append(mapper.last)
+        if said:
             on_scan(mapper, said)
+
+    in_turn = InTurn(mapper, config.mapper, note)
+    inputs = inputs_of(mapper, in_turn, config.mapper, time.perf_counter_ns)
+    handlers = {channel.message: handler for channel, handler in inputs.items()}
+    for message in source.messages(warn):
+        for answer in handlers[type(message)](message):
+            _note(run, answer, source)
+    for answer in in_turn.finish():
+        _note(run, answer, source)
     run.map_points_m, run.planes = mapper.target.points_m, mapper.map_planes()
     if is_refining and any(run.is_tracked):
         started_ns = time.perf_counter_ns()
@@ -129,7 +134,7 @@ def figures_of(run: MapRun, config: Config) -> dict[str, Any]:
     }
 
 
-def _note(run: MapRun, message: Message, source: ScanSource) -> None:
+def _note(run: MapRun, message: Message | Addressed, source: ScanSource) -> None:
     match message:
         case Odometry():
             run.poses.append(SE3.from_xyz_quat_xyzw(message.T_frame_child))

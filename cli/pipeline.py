@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
-import os
 import signal
 import subprocess
 import sys
@@ -15,6 +13,7 @@ from types import TracebackType
 
 from shared.errors import HyrecroError
 from shared.messaging.bus import Bus, is_reachable
+from shared.runtime.children import end_with_parent
 from shared.runtime.config import Config
 
 
@@ -29,13 +28,13 @@ def services_of(config: Config) -> tuple[dict[str, list[str]], ...]:
         for name, sensor in config.sensors.named().items()
         if sensor.enabled
     }
-    others = {name: [f"services.{name}"] for name in ("evaluator", "mapper", "planner")}
+    names = ("evaluator", "mapper", "planner", *(["teleop"] if config.teleop.enabled else []))
+    others = {name: [f"services.{name}"] for name in names}
     return {"recorder": ["services.recorder"]}, {**others, **sensors}, {"sim": ["services.sim"]}
 
 
 _READY_TIMEOUT_S = 60.0
 _STOP_TIMEOUT_S = 10.0
-_PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
 class PipelineError(HyrecroError):
@@ -124,7 +123,7 @@ class Pipeline:
                 stdout=output,
                 stderr=subprocess.STDOUT if output else None,
                 start_new_session=True,
-                preexec_fn=_end_with_parent,
+                preexec_fn=end_with_parent,
             )
         finally:
             if output is not None:
@@ -156,10 +155,3 @@ class Pipeline:
         self, _type: type[BaseException] | None, _error: BaseException | None, _tb: TracebackType | None
     ) -> None:
         self.stop()
-
-
-def _end_with_parent() -> None:
-    """Runs in the child before exec: SIGTERM when the parent is killed, so that no process is ever left behind."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() == 1:
-        os._exit(1)

@@ -1,4 +1,4 @@
-"""`hyrecro up`, `demo`, `simulate`, `router`, `doctor`: start the pipeline or a part, or look at what it stands on."""
+"""`hyrecro up`, `teleop`, `demo`, `simulate`, `router`, `doctor`: start the pipeline or a part, or look at it."""
 
 from __future__ import annotations
 
@@ -16,29 +16,52 @@ EndpointOption = Annotated[str | None, typer.Option(help="Where to listen; defau
 
 def register(app: typer.Typer) -> None:
     """Adds the commands to the top of the command tree."""
-    for command in (up, demo, simulate, router, doctor):
+    for command in (up, teleop, demo, simulate, router, doctor):
         app.command()(command)
 
 
-def up(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None) -> None:
+def up(
+    has_page: Annotated[bool, typer.Option("--teleop", help="With the page in a browser.")] = False,
+    config: ConfigOption = DEFAULT_CONFIG,
+    set_: SetOption = None,
+) -> None:
     """Starts router, simulation, LiDAR, mapper, evaluator and recorder; Ctrl-C stops all of it."""
     from cli.pipeline import Pipeline
     from shared.runtime.run_folder import run_folder, run_name
     from shared.runtime.runner import StopSignal
 
+    set_ = [*(set_ or []), *(["teleop.enabled=true"] if has_page else [])]
     settings = resolved(config, set_)
     name = run_name(settings.recorder)
     stop = StopSignal()
-    arguments = service_arguments(config, [*(set_ or []), f"recorder.run={name}"])
+    arguments = service_arguments(config, [*set_, f"recorder.run={name}"])
     with Pipeline(settings, arguments) as pipeline:
         pipeline.start(stop.is_set)
         folder = run_folder(settings.recorder, name)
         if not stop.is_set():
-            print(f"up at {settings.bus.endpoint}, recording {folder}/run.mcap; Ctrl-C stops", file=sys.stderr)
+            page = f", page at {settings.teleop.url}" if settings.teleop.enabled else ""
+            print(f"up at {settings.bus.endpoint}, recording {folder}/run.mcap{page}; Ctrl-C stops", file=sys.stderr)
         while not stop.is_set():
             pipeline.check()
             time.sleep(0.1)
     raise typer.Exit(stop.exit_code())
+
+
+def teleop(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None) -> None:
+    """Drives the running robot from a page in a browser; Ctrl-C ends the page, and halts what it has set off."""
+    from argparse import Namespace
+
+    from services.teleop.node import build_node
+    from shared.runtime.config import Config
+    from shared.runtime.node import Context, Node
+    from shared.runtime.runner import run_service
+
+    def build(settings: Config, context: Context) -> Node:
+        node = build_node(service_arguments(config, set_ or []), settings, context)
+        print(f"page at {settings.teleop.url}; Ctrl-C ends it", file=sys.stderr)
+        return node
+
+    run_service("teleop", build, Namespace(config=config, set=set_ or [], verbosity=-1, log_json=False))
 
 
 def demo(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None, is_json: JsonOption = False) -> None:

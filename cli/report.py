@@ -17,7 +17,7 @@ from services.evaluator.trajectory_error import compare_trajectories
 from services.mapper.filters import ScanFilter
 from services.mapper.motion_model import TREND
 from services.mapper.voxel_map import VoxelMap
-from services.recorder.recording import Recording
+from services.recorder.bag.recording import Recording
 from shared.errors import HyrecroError
 from shared.geometry import SE3
 from shared.messaging.channels import (

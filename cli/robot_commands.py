@@ -59,6 +59,22 @@ def joints(
 
 
 @app.command()
+def stop(
+    reason: Annotated[str, typer.Argument(help="What others shall read.")] = "hyrecro robot stop",
+    config: ConfigOption = DEFAULT_CONFIG,
+    set_: SetOption = None,
+) -> None:
+    """Halts every drive where it is, at once; a step or a trajectory under way ends."""
+    from shared.messaging.bus import Bus
+    from shared.messaging.channels import ROBOT_STOP
+    from shared.messaging.messages import Stop
+
+    with Bus(resolved(config, set_).bus) as bus:
+        bus.command(ROBOT_STOP, Stop(text=reason))
+    typer.echo("accepted")
+
+
+@app.command()
 def leg(
     foot: Annotated[str, typer.Argument(metavar="A|B", help="The foot that shall be fixed.")],
     config: ConfigOption = DEFAULT_CONFIG,

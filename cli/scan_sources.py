@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from services.recorder.recording import Recording
+from services.recorder.bag.recording import Recording
 from shared.cloud_files import read_cloud, scan_files, unit_warning
 from shared.errors import CloudFileError, InputFileError
 from shared.messaging.channels import (
@@ -22,10 +22,12 @@ from shared.messaging.channels import (
     ROBOT_DESCRIPTION,
     Channel,
 )
-from shared.messaging.messages import LidarScan, MapStatus, Message
+from shared.messaging.messages import MAX_STAMP_NS, LidarScan, MapStatus, Measurement, Message
 from shared.messaging.scans import scan_of
 
 _MIN_POINTS = 3
+_AFTER_NS = 500_000_000
+"""So long after the last scan readings are looked at: it takes a revolution, and an IMU is late."""
 Warn = Callable[[str], None]
 
 
@@ -131,14 +133,19 @@ class RecordedScans:
         self.num_scans = num_recorded if num_scans is None else min(num_scans, num_recorded)
 
     def messages(self, warn: Warn) -> Iterator[Message]:
-        """As they were recorded, up to the last scan that is wanted."""
-        left = self.num_scans
+        """As they were recorded, up to the last scan that is wanted and the readings that belong to it."""
+        left, end_ns = self.num_scans, MAX_STAMP_NS
         for message in self._recording.messages(*self._channels):
-            yield message
-            if type(message) is self._scan_type:
-                left -= 1
-            if left == 0:
+            is_scan = type(message) is self._scan_type
+            stamp_ns = message.stamp_ns if isinstance(message, Measurement) else 0
+            if stamp_ns > end_ns:
                 return
+            if is_scan and left == 0:
+                continue
+            yield message
+            left -= is_scan
+            if left == 0:
+                end_ns = min(end_ns, stamp_ns + _AFTER_NS)
 
     def stamp_ns(self, status: MapStatus) -> int:
         """When it was taken."""

@@ -33,6 +33,14 @@ class PlaybackError(HyrecroError):
     """A trajectory that cannot go on: a refused command, or a target that is not reached in time."""
 
 
+class StoppedError(HyrecroError):
+    """Someone stopped the robot before all was done: what is done is done."""
+
+
+class PortError(HyrecroError):
+    """A port that cannot be listened on."""
+
+
 class BusError(HyrecroError):
     """The router cannot be reached or the session was lost."""
 

@@ -1,8 +1,8 @@
 #!/bin/sh
-# Installs the system libraries that Open3D loads, a Vulkan driver for the headless viewer of the tests, and venv where Debian's Python lacks it. Without the right to do so
+# Installs the system libraries that Open3D loads, a Vulkan driver and a browser for the tests, and venv where Debian's Python lacks it. Without the right to do so
 # it prints the one line to run and fails. Usage: system-libraries.sh PYTHON
 set -u
-PACKAGES="libusb-1.0-0 libgl1 libegl1 libgomp1 libx11-6 mesa-vulkan-drivers"
+PACKAGES="libusb-1.0-0 libgl1 libegl1 libgomp1 libx11-6 mesa-vulkan-drivers chromium"
 command -v dpkg-query >/dev/null || { echo "Not a Debian system: you need the libraries of: $PACKAGES" >&2; exit 0; }
 "$1" -c 'import ensurepip' 2>/dev/null || PACKAGES="$PACKAGES python3-venv"
 missing=

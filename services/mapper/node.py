@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
+from services.mapper.in_turn import InTurn
 from services.mapper.mapper import Mapper
 from services.mapper.priors.interface import Prior
 from services.mapper.warming import warm_up
@@ -40,27 +41,32 @@ def build_node(config: Config, context: Context) -> Node:
     mapper = load_mapper(config.mapper, context.clock_ns)
     return Node(
         name="mapper",
-        inputs=inputs_of(mapper, config.mapper, lambda: context.received_ns),
+        inputs=inputs_of(mapper, InTurn(mapper, config.mapper), config.mapper, lambda: context.received_ns),
         outputs=(MAP_ODOMETRY, MAP_STATUS, MAP_CLOUD, MAP_PLANES),
     )
 
 
-def inputs_of(mapper: Mapper, config: MapperConfig, received_ns: Callable[[], int]) -> dict[Channel, Handler]:
-    """What the mapper takes, and its method for it. received_ns: when the message in hand was received."""
+def inputs_of(
+    mapper: Mapper, in_turn: InTurn, config: MapperConfig, received_ns: Callable[[], int]
+) -> dict[Channel, Handler]:
+    """What the mapper takes, and the method for it. received_ns: when the message in hand was received.
+
+    Of scans the newest do; readings are taken one and all, or the map would depend on which of them were dropped.
+    """
 
     def timed(add: Callable[[M, int], Messages]) -> Handler:
         return lambda message: add(message, received_ns())
 
-    lidar: dict[Channel, Handler] = {LIDAR_POINTS: timed(mapper.add_scan), LIDAR_IMU: mapper.add_imu}
+    lidar: dict[Channel, Handler] = {LIDAR_POINTS: timed(in_turn.add_scan), LIDAR_IMU.every(): in_turn.add_imu}
     depth: dict[Channel, Handler] = {
-        DEPTH_IMAGE: timed(mapper.add_image),
+        DEPTH_IMAGE: timed(in_turn.add_image),
         DEPTH_CAMERA_INFO: mapper.set_camera,
-        DEPTH_IMU: mapper.add_imu,
+        DEPTH_IMU.every(): in_turn.add_imu,
     }
     return {
         ROBOT_DESCRIPTION: mapper.set_robot,
-        JOINTS_STATE: mapper.add_joints,
-        LEG_STATE: mapper.add_leg_state,
+        JOINTS_STATE.every(): in_turn.add_joints,
+        LEG_STATE: in_turn.add_leg_state,
         **(lidar if config.input == "lidar" else depth),
     }
 

@@ -10,6 +10,7 @@ from shared.messaging.channels import (
     JOINTS_TARGET,
     LEG_STATE,
     LEG_TARGET,
+    ROBOT_STOP,
 )
 from shared.runtime.config import Config
 from shared.runtime.node import Context, Node
@@ -25,6 +26,7 @@ def build_node(config: Config, _context: Context) -> Node:
             JOINTS_STATE: planner.add_joint_state,
             LEG_STATE: planner.add_leg_state,
             EVENTS: planner.add_event,
+            ROBOT_STOP: planner.stop,
         },
         outputs=(JOINTS_TARGET, LEG_TARGET, FOOT_STATUS),
     )

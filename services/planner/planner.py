@@ -27,6 +27,7 @@ from shared.messaging.messages import (
     Message,
     Pose,
     Severity,
+    Stop,
 )
 from shared.runtime.config import PlannerConfig
 
@@ -126,6 +127,11 @@ class StepPlanner:
         if self._step is None or event.source != "sim" or not is_bad:
             return []
         return [self._end(self._step, FootPhase.FAILED, event.text)]
+
+    def stop(self, stop: Stop) -> list[Message]:
+        """Ends the step where it is; the posture is then what the encoders read."""
+        self._q_sent = None
+        return [] if self._step is None else [self._end(self._step, FootPhase.STOPPED, stop.reason)]
 
     def _q_now(self, q_read: Float) -> Float:
         """The posture (8,): what was commanded last, which has no noise, if the encoders agree; else what they read."""

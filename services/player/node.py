@@ -2,7 +2,7 @@
 
 from services.player.player import Player
 from services.player.trajectory import read_trajectory
-from shared.messaging.channels import EVENTS, JOINTS_STATE, JOINTS_TARGET, LEG_STATE, LEG_TARGET
+from shared.messaging.channels import EVENTS, JOINTS_STATE, JOINTS_TARGET, LEG_STATE, LEG_TARGET, ROBOT_STOP
 from shared.runtime.config import Config
 from shared.runtime.node import Context, Node
 
@@ -20,6 +20,7 @@ def node_of(player: Player) -> Node:
             JOINTS_STATE: player.add_joint_state,
             LEG_STATE: player.add_leg_state,
             EVENTS: player.add_event,
+            ROBOT_STOP: player.stop,
         },
         outputs=(JOINTS_TARGET, LEG_TARGET),
         is_done=lambda: player.is_done,

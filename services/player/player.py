@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.player.trajectory import ChangeFoot, MoveTo, Trajectory
-from shared.errors import PlaybackError
+from shared.errors import PlaybackError, StoppedError
 from shared.messaging.messages import (
     JOINT_NAMES,
     Event,
@@ -19,6 +19,7 @@ from shared.messaging.messages import (
     LegTarget,
     Message,
     Severity,
+    Stop,
 )
 from shared.robot.ramps import ramped_share
 from shared.runtime.config import PlayerConfig
@@ -34,8 +35,9 @@ class Player:
     Commands are sent `config.rate_hz` times a second; each `MoveTo` is a straight line in joint space from where the
     robot was when the move began, at `config.speed_radps`, or in `config.num_steps` commands if no speed is set.
 
-    Raises (from `add_joint_state` and `add_event`):
+    Raises (from `add_joint_state`, `add_event` and `stop`):
         PlaybackError: the robot refused a command, fell, or did not reach a target in time; the text names the line.
+        StoppedError: someone stopped the robot.
     """
 
     def __init__(self, config: PlayerConfig, trajectory: Trajectory) -> None:
@@ -72,6 +74,12 @@ class Player:
         if event.source == "sim" and is_bad and not self.is_done:
             raise PlaybackError(f"line {self._trajectory[self._index].line}: {event.text}")
         return []
+
+    def stop(self, stop: Stop) -> list[Message]:
+        """Ends the trajectory where it is."""
+        if self.is_done:
+            return []
+        raise StoppedError(f"line {self._trajectory[self._index].line}: {stop.reason}")
 
     def add_joint_state(self, state: JointState) -> list[Message]:
         """The commands that are due at its stamp. Where simulated time stands still, so does the player."""

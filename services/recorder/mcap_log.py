@@ -1,190 +1,97 @@
-"""Writes messages into one MCAP file, so that whatever was closed in a chunk survives the death of the writer.
+"""Writes records into one MCAP file, so that whatever was closed in a chunk survives the death of the writer.
 
 MCAP: https://mcap.dev/spec. Profile `ros2`, message encoding `cdr`, schema encoding `ros2msg`.
 """
 
 from __future__ import annotations
 
-import contextlib
-import io
-import json
-import sys
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
-from typing import IO, Literal, cast
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 
-from mcap.writer import CompressionType, Writer
+from mcap import records as mcap
+from mcap.data_stream import RecordBuilder
 
-from services.recorder.ros_messages import to_cdr
-from services.recorder.ros_schemas import schema_text
-from shared.errors import HyrecroError, MessageError
+from services.recorder.chunk import Chunk, Compression
+from services.recorder.disk import Output, RecordingError
+from services.recorder.mcap_summary import MAGIC, Summary
+from services.recorder.records import Record
+from services.recorder.ros.schemas import schema_text
 from shared.messaging.channels import Channel
-from shared.messaging.messages import Measurement, Message
-from shared.messaging.sequence import SequenceCounter
-from shared.runtime.health import source_of
 
 CHUNK_BYTES = 1024 * 1024
 """A chunk closes at this size: MCAP's usual one, a compromise between compression and what a reader must load."""
 
-RUN_METADATA = "hyrecro_run"
-COUNTS_METADATA = "hyrecro_counts"
 _LIBRARY = "hyrecro"
-_NEVER = sys.maxsize
-_UINT32_RANGE = 2**32
-
-
-class RecordingError(HyrecroError):
-    """The file cannot be written any further; what was closed before stays readable."""
-
-
-@dataclass(slots=True)
-class TopicCounts:
-    """What came for one topic: num_missed by gaps in `seq`, num_restarts by `seq` going back."""
-
-    num_received: int = 0
-    num_missed: int = 0
-    num_restarts: int = 0
-
-
-@dataclass(slots=True)
-class _Topic:
-    """A topic of the file: its MCAP channel, what it carries, its counts, and who numbers its messages."""
-
-    channel_id: int
-    ros_type: str
-    counts: TopicCounts = field(default_factory=TopicCounts)
-    sources: dict[str, SequenceCounter] = field(default_factory=dict)
-
-    def count(self, message: Message) -> None:
-        self.counts.num_received += 1
-        if not isinstance(message, Measurement):
-            return
-        counter = self.sources.setdefault(source_of(message), SequenceCounter())
-        self.counts.num_restarts += counter.last_seq is not None and message.seq <= counter.last_seq
-        self.counts.num_missed += counter.add(message.seq)
-
-
-class _Output:
-    """A stream that takes every byte or raises, remembers what is complete, and keeps nothing in this process."""
-
-    def __init__(self, stream: IO[bytes]) -> None:
-        self.num_complete_bytes = 0
-        self._stream = stream
-        self._position = 0
-
-    def write(self, data: bytes) -> int:
-        rest = memoryview(data)
-        while rest:
-            num_taken = self._stream.write(rest)
-            self._position += num_taken
-            rest = rest[num_taken:]
-        return len(data)
-
-    def tell(self) -> int:
-        return self._position
-
-    def flush(self) -> None:
-        self._stream.flush()
-        self.num_complete_bytes = self._position
-
-    def cut(self) -> None:
-        """Takes away what was begun and not completed, where the stream can."""
-        if not self._stream.closed and self._stream.seekable():
-            self._stream.truncate(self.num_complete_bytes)
-
-    def close(self) -> None:
-        self._stream.close()
 
 
 class McapLog:
-    """One recording. Not for several threads. Close it in `finally`: only then has it its index and its counts."""
+    """One file. Not for several threads. `close` it in the end: only then has it its index.
+
+    num_written: by key, records in whole chunks; repeated ones are not counted.
+    """
 
     def __init__(
         self,
-        target: Path | IO[bytes],
+        output: Output,
         channels: Iterable[Channel],
-        metadata: Mapping[str, str],
+        metadata: Mapping[str, Mapping[str, str]],
         *,
-        start_ns: int = 0,
         chunk_bytes: int = CHUNK_BYTES,
-        compression: Literal["lz4", "zstd", "none"] = "lz4",
+        compression: Compression = "lz4",
+        check_room: Callable[[int], None] = lambda num_bytes: None,
     ) -> None:
-        """Begins a new file.
+        """Begins a file.
 
-        target: path of a file that does not exist yet, or a binary stream, which is closed with the log.
-        channels: those of the table; recorded ones are declared at once (a key with `*` when its first message comes).
-        metadata: text stored at the head of the file: resolved configuration, version, seed.
-        start_ns: simulated time at which the recording begins: a kept message older than that is logged at it.
+        output: empty; closed with the log. channels: those declared also if nothing comes on them, but for keys with
+        `*`. metadata: name -> text, stored at the head. check_room: raises RecordingError if a chunk shall not be
+        written.
 
         Raises:
-            RecordingError: the file exists already or cannot be written.
+            RecordingError: the disk refuses.
             ValueError: two channels claim one topic with different ROS types.
         """
-        self._output = _Output(_created(target) if isinstance(target, Path) else target)
-        codec = CompressionType[compression.upper()]
-        self._writer = Writer(cast("IO[bytes]", self._output), chunk_size=_NEVER, compression=codec)
-        self._start_ns = start_ns
-        self._chunk_bytes = chunk_bytes
-        self._num_open_bytes = 0
-        self._is_open = True
-        self._topics: dict[str, _Topic] = {}
-        self._schema_ids: dict[str, int] = {}
+        self.num_written: Counter[str] = Counter()
+        self._output = output
+        self._chunk_bytes, self._compression, self._check_room = chunk_bytes, compression, check_room
+        self._summary = Summary()
+        self._schemas: dict[str, mcap.Schema] = {}
+        self._channels: dict[str, tuple[mcap.Channel, str]] = {}
+        self._undeclared: list[mcap.Schema | mcap.Channel] = []
+        self._chunk = Chunk()
+        self._is_broken = self._is_closed = False
         try:
-            self._writer.start(profile="ros2", library=_LIBRARY)
-            self._writer.add_metadata(RUN_METADATA, dict(metadata))
-            self._writer.flush()  # type: ignore[no-untyped-call]
+            self._output.write(MAGIC + _bytes_of(mcap.Header(profile="ros2", library=_LIBRARY)))
+            self._add_metadata(metadata)
+            self._output.mark_complete()
         except OSError as error:
-            raise self._failure(error) from error
+            broken = self._broken(error)
+            self._output.close()
+            raise broken from error
         for channel in channels:
             if channel.is_recorded and "*" not in channel.topic:
                 self._declare(channel)
 
     @property
-    def is_open(self) -> bool:
-        """Whether the log takes messages: not after `close`, nor after a failure."""
-        return self._is_open
-
-    @property
     def num_bytes(self) -> int:
-        """Bytes handed to the operating system so far."""
-        return self._output.tell()
+        """Size of the file."""
+        return self._output.position
 
-    @property
-    def counts(self) -> Mapping[str, TopicCounts]:
-        """The counts by topic, of every topic declared."""
-        return {name: topic.counts for name, topic in self._topics.items()}
-
-    def write(self, channel: Channel, message: Message, received_ns: int) -> None:
-        """Adds a message at the time it was measured; a command, which has no stamp, at `received_ns`.
-
-        received_ns: simulated time of receipt. A message that came before by another way (a kept one that was asked
-        for) is the caller's to leave out, or it counts as a restart.
+    def add(self, record: Record) -> None:
+        """Adds a record to the open chunk, and closes it when it is large enough.
 
         Raises:
-            MessageError: the message is not what the channel carries, or its stamp is no ROS time.
-            RecordingError: the disk refuses, now or before.
+            RecordingError: the disk refuses, now or before. The open chunk is lost.
             ValueError: the channel's topic stands in the file with another ROS type.
         """
-        if not self._is_open:
+        if self._is_broken or self._is_closed:
             raise RecordingError("the recording is closed")
-        if type(message) is not channel.message:
-            raise MessageError(f"{channel.key} carries {channel.message.__name__}, not {type(message).__name__}")
-        stamp_ns = message.stamp_ns if isinstance(message, Measurement) else received_ns
-        ros_type, data = to_cdr(message, stamp_ns)
-        topic = self._declare(channel)
-        if topic.ros_type != ros_type:
-            raise ValueError(f"{channel.topic} is recorded as {topic.ros_type}, not as {ros_type}")
-        topic.count(message)
-        self._writer.add_message(
-            topic.channel_id,
-            log_time=max(stamp_ns, self._start_ns),
-            publish_time=stamp_ns,
-            data=cast("bytes", data),
-            sequence=message.seq % _UINT32_RANGE if isinstance(message, Measurement) else topic.counts.num_received,
-        )
-        self._num_open_bytes += len(data)
-        if self._num_open_bytes >= self._chunk_bytes:
+        channel_id = self._declare(record.channel)
+        if self._undeclared:
+            for declaration in self._undeclared:
+                self._chunk.declare(declaration)
+            self._undeclared.clear()
+        self._chunk.add(channel_id, record)
+        if self._chunk.num_bytes >= self._chunk_bytes:
             self.flush()
 
     def flush(self) -> None:
@@ -193,70 +100,92 @@ class McapLog:
         Called on a timer, it bounds what a killed process can lose. A power cut may lose more: nothing is synced.
 
         Raises:
-            RecordingError: the disk refuses.
+            RecordingError: the disk refuses. The chunk is lost.
         """
-        if not self._is_open:
+        if not self._chunk.num_messages:
             return
+        chunk, self._chunk = self._chunk, Chunk()
         try:
-            self._writer.flush()  # type: ignore[no-untyped-call]
+            parts, index = chunk.encoded(self._compression, self._output.position)
+            self._check_room(sum(map(len, parts)))
+            for part in parts:
+                self._output.write(part)
+            self._output.mark_complete()
+        except (OSError, RecordingError) as error:
+            raise self._broken(error) from error
+        self._summary.chunks.append(index)
+        self._summary.num_messages.update(chunk.num_messages)
+        self.num_written.update(chunk.num_new)
+
+    def close(self, metadata: Mapping[str, Mapping[str, str]] | None = None) -> None:
+        """Writes further metadata and the index, also after a failure, and closes the file. Again: does nothing.
+
+        The caller flushes first. Raises:
+            RecordingError: the disk refuses; the whole chunks stay readable.
+        """
+        if self._is_closed:
+            return
+        self._is_closed = True
+        try:
+            if not self._is_broken:
+                self._output.write(b"".join(map(_bytes_of, self._undeclared)))
+            self._add_metadata(metadata or {})
+            self._output.write(self._complete_summary().encoded(self._output.position))
+            self._output.mark_complete()
         except OSError as error:
-            raise self._failure(error) from error
-        self._num_open_bytes = 0
-
-    def close(self) -> None:
-        """Writes the last chunk, the counts and the index, and closes the stream. Closing again does nothing.
-
-        Raises:
-            RecordingError: the disk refuses; the chunks closed before stay readable.
-        """
-        if not self._is_open:
-            return
-        self.flush()
-        try:
-            counts = {name: json.dumps(asdict(topic.counts)) for name, topic in self._topics.items()}
-            self._writer.add_metadata(COUNTS_METADATA, counts)
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            self._output.flush()
+            raise self._broken(error) from error
+        finally:
             self._output.close()
-        except OSError as error:
-            raise self._failure(error) from error
-        self._is_open = False
 
-    def _declare(self, channel: Channel) -> _Topic:
-        topic = self._topics.get(channel.topic)
-        if topic is None:
-            topic = _Topic(self._register(channel), channel.ros_type)
-            self._topics[channel.topic] = topic
-        elif topic.ros_type != channel.ros_type:
-            raise ValueError(f"{channel.topic} is recorded as {topic.ros_type}, not as {channel.ros_type}")
-        return topic
+    def _add_metadata(self, metadata: Mapping[str, Mapping[str, str]]) -> None:
+        for name, entries in metadata.items():
+            data = _bytes_of(mcap.Metadata(name=name, metadata=dict(entries)))
+            self._summary.metadata.append(mcap.MetadataIndex(self._output.position, len(data), name))
+            self._output.write(data)
 
-    def _register(self, channel: Channel) -> int:
+    def _declare(self, channel: Channel) -> int:
+        known = self._channels.get(channel.topic)
+        if known is None:
+            known = self._register(channel), channel.ros_type
+            self._channels[channel.topic] = known
+        if known[1] != channel.ros_type:
+            raise ValueError(f"{channel.topic} is recorded as {known[1]}, not as {channel.ros_type}")
+        return known[0].id
+
+    def _register(self, channel: Channel) -> mcap.Channel:
         ros_type = channel.ros_type
-        if ros_type not in self._schema_ids:
+        if ros_type not in self._schemas:
             text = schema_text(ros_type).encode()
-            self._schema_ids[ros_type] = self._writer.register_schema(name=ros_type, encoding="ros2msg", data=text)
-        return self._writer.register_channel(
-            topic=channel.topic, message_encoding="cdr", schema_id=self._schema_ids[ros_type]
+            schema = mcap.Schema(id=len(self._schemas) + 1, name=ros_type, encoding="ros2msg", data=text)
+            self._schemas[ros_type] = schema
+            self._undeclared.append(schema)
+        declared = mcap.Channel(
+            id=len(self._channels) + 1,
+            topic=channel.topic,
+            message_encoding="cdr",
+            metadata={},
+            schema_id=self._schemas[ros_type].id,
         )
+        self._undeclared.append(declared)
+        return declared
 
-    def _failure(self, error: OSError) -> RecordingError:
-        """Ends the log after a disk error: a half-written chunk is cut off, if the disk lets it."""
-        self._is_open = False
-        with contextlib.suppress(OSError):
-            self._output.cut()
-        with contextlib.suppress(OSError):
-            self._output.close()
+    def _complete_summary(self) -> Summary:
+        """With every schema and channel; those of a chunk that was lost do no harm."""
+        self._summary.schemas = list(self._schemas.values())
+        self._summary.channels = [channel for channel, _ in self._channels.values()]
+        return self._summary
+
+    def _broken(self, error: OSError | RecordingError) -> RecordingError:
+        """Takes no more records after this; a half-written chunk is cut off, if the disk lets it."""
+        self._is_broken = True
+        self._output.cut()
+        if isinstance(error, RecordingError):
+            return error
         return RecordingError(f"the recording ended after {self._output.num_complete_bytes} bytes: {error.strerror}")
 
 
-def _created(path: Path) -> IO[bytes]:
-    """A new file without a buffer in this process.
-
-    Raises:
-        RecordingError: it exists already, or cannot be made.
-    """
-    try:
-        return cast("IO[bytes]", io.FileIO(path, "x"))
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot record into it: {error.strerror}") from error
+def _bytes_of(record: mcap.McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    data: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return data

@@ -1,29 +1,39 @@
-"""Wiring of the recorder: every recorded channel into one file, without loss."""
+"""Wiring of the recorder: every recorded channel into files, without loss, and what it says of them."""
 
+from collections.abc import Callable, Mapping
 from functools import partial
 from importlib.metadata import version
+from typing import Any
 
-from services.recorder.layout import write_layout
 from services.recorder.recorder import Recorder
-from shared.messaging.channels import channels_of
+from services.recorder.ros.schemas import prepare
+from shared.messaging.channels import RECORDER_CONTROL, RECORDER_STATUS, Channel, channels_of
 from shared.runtime.config import Config
 from shared.runtime.config_loading import dump_config
-from shared.runtime.node import Context, Node
-from shared.runtime.run_folder import make_run_folder, run_name
+from shared.runtime.exit_codes import Exit
+from shared.runtime.node import Context, Messages, Node
 
 
 def build_node(config: Config, _context: Context) -> Node:
     """The node that records everything the channel table marks, of every sensor that is configured."""
-    folder = make_run_folder(config.recorder, run_name(config.recorder))
     metadata = {"version": version("hyrecro"), "seed": str(config.seed), "config": dump_config(config)}
-    write_layout(folder / "layout", folder / "run.mcap")
     channels = channels_of(config.sensors.others)
-    recorder = Recorder(config.recorder, folder / "run.mcap", metadata, channels)
+    for channel in channels:
+        prepare(channel.ros_type)  # before anything waits in the inbox
+    recorder = Recorder(config.recorder, metadata, channels)
+    inputs: Mapping[Channel, Callable[[Any], Messages]] = {
+        channel: partial(recorder.add, channel) for channel in channels if channel.is_recorded
+    }
     return Node(
         name="recorder",
-        inputs={channel: partial(recorder.add, channel) for channel in channels if channel.is_recorded},
-        on_timer=recorder.flush,
-        timer_hz=1.0 / config.recorder.chunk_period_s,
+        inputs={**inputs, RECORDER_CONTROL: recorder.control},
+        outputs=(RECORDER_STATUS,),
+        on_start=recorder.start,
+        on_timer=recorder.tick,
+        timer_hz=1.0,
         on_stop=recorder.close,
         is_observer=True,
+        answers=(RECORDER_CONTROL,),
+        num_lost=recorder.num_lost_to_disk,
+        exit_code=lambda: Exit.PARTIAL if recorder.has_lost else Exit.FINE,
     )

@@ -49,6 +49,9 @@ class Body(Protocol):
     def T_world_foot(self) -> SE3:
         """Where the plate of the fixed foot is."""
 
+    def resting_q(self) -> Joints:
+        """Where the joints (8,) come to rest if they brake as hard as they may from now on."""
+
     def advance(self, motion: JointMotion, from_ns: int, to_ns: int) -> list[str]:
         """Goes on to a later time. Returns what happened that people should read."""
 

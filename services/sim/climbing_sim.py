@@ -19,6 +19,7 @@ from services.sim.sim_time import SimTime
 from services.sim.slip import Slip
 from services.sim.stroke_watch import StrokeWatch
 from services.sim.targets import resolve_actuators, resolve_joints
+from services.sim.vigil import Vigil
 from shared.climbing.steel import SteelSurface
 from shared.errors import InputFileError, RefusedError
 from shared.geometry import SE3, Float
@@ -39,6 +40,7 @@ from shared.messaging.messages import (
     Severity,
     SimAction,
     SimControl,
+    Stop,
     StructureDescription,
     Transforms,
 )
@@ -56,6 +58,8 @@ M = TypeVar("M", bound=Measurement)
 FIXED_FOOT_FRAME = "fixed_foot"
 """Follows the plate of whichever foot is fixed."""
 
+_DEAF_NS = 200_000_000
+"""Targets that come so soon after a stop were sent before their commander knew of it."""
 _MAX_SLIDE_MPS = 0.05
 """How fast a core link slides: the velocity limit of the pistons."""
 
@@ -98,6 +102,8 @@ class ClimbingSim:
         self._slip = Slip(config.slip, slip_rng)
         self._body = _build_body(config, urdf_text, model, structure, self._slip)
         self._tree = LinkTree(model, self._body.links)
+        self._vigil = Vigil()
+        self._deaf_until_ns = 0
         self._stop(np.zeros(2))
 
     @property
@@ -118,20 +124,26 @@ class ClimbingSim:
         period = self._time.advance()
         if period is None:
             return []
+        lost = self._halt_if_expired(period[0])
         news = self._body.advance(self._motion.shifted(-self._encoders.bias), *period)
         messages = self._states()
         if self._num_leg_states_due() > num_leg_states:
             messages += [self._leg_state(), *self._events(self._strokes.look(self._true_actuators()))]
-        return messages + self._events(news, Severity.ERROR) + ([self._leg_state()] if news else [])
+        messages += self._events(news, Severity.ERROR) + ([self._leg_state()] if news else [])
+        return messages + self._events(lost)
 
     def set_joint_target(self, target: JointTarget) -> list[Message]:
         """Sets the joints off towards a target, from where they are; the steps that follow carry it out.
 
         Raises:
-            RefusedError: the target cannot be reached; the robot goes on with what it was doing.
+            RefusedError: the target cannot be reached, and the robot goes on with what it was doing; or it was stopped
+                a moment ago, and the target was still under way.
         """
+        self._refuse_after_stop()
         q = resolve_joints(target, self._motion.q_end, self._lower, self._upper)
-        self._set_off(q, self._slides.q_end, target.duration_s)
+        if not self._vigil.renew(target, self._time.stamp_ns):
+            self._set_off(q, self._slides.q_end, target.duration_s)
+            self._vigil.begin(target, self._time.stamp_ns)
         return []
 
     def set_actuator_target(self, target: ActuatorTarget) -> list[Message]:
@@ -140,10 +152,17 @@ class ClimbingSim:
         Raises:
             RefusedError: the target cannot be reached; the robot goes on with what it was doing.
         """
+        self._refuse_after_stop()
         before = self._motion.q_end, self._slides.q_end
         q, slides = resolve_actuators(target, *before, self._lower, self._upper, self._actuators)
         self._set_off(q, slides, target.duration_s)
         return []
+
+    def stop(self, stop: Stop) -> list[Message]:
+        """Halts every joint where it is; magnets are left alone. Targets that are still under way will be refused."""
+        self._halt()
+        self._deaf_until_ns = self._time.stamp_ns + _DEAF_NS
+        return [*self._events([f"the robot is {stop.reason}"])]
 
     def set_fixed_foot(self, target: LegTarget) -> list[Message]:
         """Makes a foot the fixed one."""
@@ -177,17 +196,35 @@ class ClimbingSim:
         encoder_rng, slip_rng = _generators(seed)
         self._encoders = Encoders(self._config.encoders, encoder_rng)
         self._slip.reseed(slip_rng)
+        self._halt()
+
+    def _halt(self) -> None:
         self._stop(self._slides.at(self._time.stamp_ns)[0])
 
+    def _halt_if_expired(self, stamp_ns: int) -> list[str]:
+        if not self._vigil.is_over(stamp_ns):
+            return []
+        self._vigil.end()
+        if self._motion.is_over(stamp_ns):
+            return []
+        self._halt()
+        return ["the joint target was not renewed in time: the robot is stopped"]
+
+    def _refuse_after_stop(self) -> None:
+        if self._time.stamp_ns < self._deaf_until_ns:
+            raise RefusedError(f"the robot was stopped less than {_DEAF_NS / 1e9:g} s ago")
+
     def _stop(self, slides: Float) -> None:
-        q = self._body.q + self._encoders.bias
+        q = np.clip(self._body.resting_q() + self._encoders.bias, self._lower, self._upper)
         self._motion = JointMotion(q, q)
         self._slides = JointMotion(slides, slides)
+        self._vigil.end()
 
     def _set_off(self, q: Float, slides: Float, duration_s: float | None) -> None:
         now_ns = self._time.stamp_ns
         q_now, slides_now = self._motion.at(now_ns)[0], self._slides.at(now_ns)[0]
         slide_s = float(np.max(np.abs(slides - slides_now))) / _MAX_SLIDE_MPS
+        self._vigil.end()
         self._motion = plan_motion(q_now, q, now_ns, self._max_velocity, max(duration_s or 0.0, slide_s), self._ramp_s)
         self._slides = JointMotion(slides_now, slides, now_ns, self._motion.duration_ns, self._motion.ramp_ns)
 

@@ -68,6 +68,10 @@ class DynamicBody:
         self._news = self._take_hold(self._fixed_foot, SE3.identity())
         self._read_joints()
 
+    def resting_q(self) -> Joints:
+        """A braking distance on, at the drives' acceleration."""
+        return self.q + self._setpoint.braking_distance(self.dq)
+
     def advance(self, motion: JointMotion, from_ns: int, to_ns: int) -> list[str]:
         """Goes on in steps of the engine; magnets are judged by the mean load of the whole period."""
         for step in range(1, self._num_steps + 1):

@@ -55,6 +55,10 @@ class KinematicBody:
         self.q = self.dq = np.zeros(len(JOINT_NAMES))
         self._place()
 
+    def resting_q(self) -> Joints:
+        """Where they are: nothing has mass."""
+        return self.q
+
     def advance(self, motion: JointMotion, _from_ns: int, to_ns: int) -> list[str]:
         """Places the joints where the motion has them at `to_ns`."""
         self.q, self.dq = motion.at(to_ns)

@@ -34,6 +34,10 @@ class JointMotion:
         way = self.q_end - self.q_start
         return self.q_start + share * way, share_per_ns * 1e9 * way
 
+    def is_over(self, stamp_ns: int) -> bool:
+        """Whether it has come to its end by then."""
+        return stamp_ns >= self.start_ns + self.duration_ns
+
     def shifted(self, offset: Joints) -> JointMotion:
         """The same motion with every position moved by an offset (J,)."""
         return replace(self, q_start=self.q_start + offset, q_end=self.q_end + offset)

@@ -11,6 +11,7 @@ from shared.messaging.channels import (
     LEG_STATE,
     LEG_TARGET,
     ROBOT_DESCRIPTION,
+    ROBOT_STOP,
     SIM_CONTROL,
     STRUCTURE_DESCRIPTION,
     TF,
@@ -53,6 +54,7 @@ def build_node(config: Config, _context: Context) -> Node:
             LEG_TARGET: sim.set_fixed_foot,
             ACTUATORS_TARGET: sim.set_actuator_target,
             SIM_CONTROL: sim.control,
+            ROBOT_STOP: sim.stop,
         },
         outputs=(
             JOINTS_STATE,

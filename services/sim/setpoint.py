@@ -28,6 +28,10 @@ class Setpoint:
         """Stands still at q."""
         self.q, self.dq = q.copy(), np.zeros(len(q))
 
+    def braking_distance(self, dq: Joints) -> Joints:
+        """How far (8,) joints at dq go on, signed, until they stand."""
+        return dq * np.abs(dq) / (2 * self._max_acceleration)
+
     def follow(self, q: Joints, dq: Joints, step_s: float) -> None:
         """One step towards the command q, which moves at dq."""
         away = q - self.q

@@ -30,7 +30,8 @@ def resolve_joints(target: JointTarget, q_before: Joints, lower: Joints, upper: 
     Raises:
         RefusedError: wrong number of values, unknown or repeated names, beyond a joint's limits, unusable duration.
     """
-    _check_duration(target.duration_s)
+    _check_duration("duration_s", target.duration_s)
+    _check_duration("valid_s", target.valid_s)
     q = _merged("joint", "q", JOINT_NAMES, target.names, target.q, q_before)
     _refuse(beyond_limits(JOINT_NAMES, q, lower, upper, JOINT_UNITS))
     return q
@@ -49,7 +50,7 @@ def resolve_actuators(
     Raises:
         RefusedError: as for joints, and beyond an actuator's stroke.
     """
-    _check_duration(target.duration_s)
+    _check_duration("duration_s", target.duration_s)
     before = actuators_from_joints(q_before, slides_before, geometry)
     values = _merged("actuator", "positions", ACTUATOR_NAMES, target.names, target.positions, before)
     _refuse(actuator_refusals(values, geometry))
@@ -81,9 +82,9 @@ def _merged(
     return merged
 
 
-def _check_duration(duration_s: float | None) -> None:
+def _check_duration(field: str, duration_s: float | None) -> None:
     if duration_s is not None and not 0 < duration_s <= _MAX_DURATION_S:
-        raise RefusedError(f"duration_s is {duration_s:g}, must be above 0 and at most {_MAX_DURATION_S:g}")
+        raise RefusedError(f"{field} is {duration_s:g}, must be above 0 and at most {_MAX_DURATION_S:g}")
 
 
 def _refuse(reasons: list[str]) -> None:

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import zenoh
 
 from shared.errors import BusError, RefusedError
-from shared.messaging.channels import ALIVE, Channel, Delivery
+from shared.messaging.channels import ALIVE, PUBLISHED, Channel, Delivery
 from shared.messaging.codec import MIME, decode, encode, schema_of
 from shared.messaging.inbox import Inbox, Parcel
 from shared.messaging.messages import Message
@@ -55,6 +55,7 @@ class Bus:
             encoding=f"{MIME};{schema_of(channel.message)}",
             congestion_control=congestion.DROP if is_latest else congestion.BLOCK,
         )
+        self._hold(PUBLISHED.replace("**", channel.key))
         if channel.is_kept:
             self._declared.append(
                 self._session.declare_queryable(channel.key_expr, lambda query: self._answer_kept(channel, query))
@@ -101,7 +102,7 @@ class Bus:
 
     def announce(self, name: str) -> None:
         """Holds the liveliness token of this service until the bus is closed."""
-        self._declared.append(self._session.liveliness().declare_token(ALIVE.replace("*", name)))
+        self._hold(ALIVE.replace("*", name))
 
     # ---- what a person or a program does
 
@@ -131,8 +132,11 @@ class Bus:
 
     def alive(self, timeout_s: float = _QUERY_TIMEOUT_S) -> set[str]:
         """Names of the services that are ready now."""
-        replies = self._session.liveliness().get(ALIVE, timeout=timeout_s)
-        return {str(reply.ok.key_expr).rsplit("/", 1)[-1] for reply in replies if reply.ok is not None}
+        return self._held(ALIVE.removesuffix("*"), timeout_s)
+
+    def published(self, timeout_s: float = _QUERY_TIMEOUT_S) -> set[str]:
+        """Keys below `hyrecro/` that somebody publishes now, this session among them."""
+        return self._held(PUBLISHED.removesuffix("**"), timeout_s)
 
     def close(self) -> None:
         """Undeclares everything and closes the session. Idempotent; must be called, or the process hangs at exit."""
@@ -149,6 +153,14 @@ class Bus:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _hold(self, token: str) -> None:
+        self._declared.append(self._session.liveliness().declare_token(token))
+
+    def _held(self, stem: str, timeout_s: float) -> set[str]:
+        """What stands behind the stem in the tokens that are held now."""
+        replies = self._session.liveliness().get(stem + "**", timeout=timeout_s)
+        return {str(reply.ok.key_expr).partition(stem)[2] for reply in replies if reply.ok is not None}
 
     def _answer_kept(self, channel: Channel, query: zenoh.Query) -> None:
         with query:

@@ -12,6 +12,8 @@ from shared.messaging import messages as m
 PREFIX = "hyrecro/"
 ALIVE = PREFIX + "alive/*"
 """Liveliness tokens: one a service, held while it is ready."""
+PUBLISHED = PREFIX + "published/**"
+"""Liveliness tokens: one a key that somebody publishes, held as long."""
 
 
 class Delivery(enum.Enum):
@@ -52,6 +54,10 @@ class Channel:
         """The concrete channel of one service, for a key that ends in `*`."""
         return replace(self, key=self.key.replace("*", service), topic=self.topic.replace("*", service))
 
+    def every(self) -> Channel:
+        """The channel for who needs each of its messages, not only the newest."""
+        return replace(self, delivery=Delivery.EVERY)
+
     def of_sensor(self, sensor: str) -> Channel:
         """The channel of another sensor of the same kind: `lidar_rear/points` of `lidar/points`."""
         _, _, rest = self.key.partition("/")
@@ -80,8 +86,15 @@ FOOT_TARGET = Channel(
     ros_type="geometry_msgs/msg/PoseStamped",
     is_command=True,
 )
+ROBOT_STOP = Channel(key="robot/stop", message=m.Stop, delivery=EVERY, ros_type="std_msgs/msg/String", is_command=True)
 SIM_CONTROL = Channel(
     key="sim/control", message=m.SimControl, delivery=EVERY, ros_type="std_msgs/msg/String", is_command=True
+)
+RECORDER_CONTROL = Channel(
+    key="recorder/control", message=m.RecorderControl, delivery=EVERY, ros_type="std_msgs/msg/String", is_command=True
+)
+REPLAY_CONTROL = Channel(
+    key="replay/control", message=m.ReplayControl, delivery=EVERY, ros_type="std_msgs/msg/String", is_command=True
 )
 JOINTS_STATE = Channel(
     key="joints/state",
@@ -213,6 +226,14 @@ EVAL_METRICS = Channel(
     rate_hz=1.0,
     is_kept=True,
 )
+RECORDER_STATUS = Channel(
+    key="recorder/status",
+    message=m.RecorderStatus,
+    delivery=EVERY,
+    ros_type="hyrecro_msgs/msg/RecorderStatus",
+    rate_hz=1.0,
+    is_kept=True,
+)
 EVENTS = Channel(key="events", message=m.Event, delivery=EVERY, ros_type="rcl_interfaces/msg/Log")
 HEALTH = Channel(
     key="health/*",
@@ -228,7 +249,10 @@ CHANNELS: tuple[Channel, ...] = (
     LEG_TARGET,
     ACTUATORS_TARGET,
     FOOT_TARGET,
+    ROBOT_STOP,
     SIM_CONTROL,
+    RECORDER_CONTROL,
+    REPLAY_CONTROL,
     JOINTS_STATE,
     ACTUATORS_STATE,
     LEG_STATE,
@@ -246,6 +270,7 @@ CHANNELS: tuple[Channel, ...] = (
     MAP_PLANES,
     MAP_STATUS,
     EVAL_METRICS,
+    RECORDER_STATUS,
     EVENTS,
     HEALTH,
 )
@@ -291,3 +316,9 @@ def channel_of_key(key: str) -> Channel | None:
         if stem != channel.key and name.startswith(stem) and "/" not in name[len(stem) :] and name != stem:
             return channel.of(name[len(stem) :])
     return None
+
+
+def channel_of_topic(topic: str) -> Channel | None:
+    """The channel that is recorded as this topic, or None."""
+    named = next((channel for channel in CHANNELS if channel.topic == topic), None)
+    return named or channel_of_key(PREFIX + topic.removeprefix("/"))

@@ -60,8 +60,17 @@ def decode_command(message_type: type[M], payload: bytes) -> M:
     """The command of these bytes: a MessagePack map, JSON text, or a bare value such as `B`.
 
     Raises:
-        CodecError: as `decode`.
+        CodecError: as `decode`; never for a message that is certain.
     """
+    try:
+        return _read_command(message_type, payload)
+    except CodecError:
+        if message_type.IS_CERTAIN:
+            return message_type()
+        raise
+
+
+def _read_command(message_type: type[M], payload: bytes) -> M:
     if not 0 < len(payload) <= MAX_COMMAND_BYTES:
         raise CodecError(f"a command has 1 to {MAX_COMMAND_BYTES} bytes, got {len(payload)}")
     plain = _command_to_plain(payload)

@@ -34,6 +34,8 @@ from shared.messaging.values import (
     Points as Points,
     Pose as Pose,
     Poses as Poses,
+    RecorderAction as RecorderAction,
+    ReplayAction as ReplayAction,
     Severity as Severity,
     SimAction as SimAction,
     Vector as Vector,
@@ -51,6 +53,8 @@ class Message:
     VERSION: ClassVar[int] = 1
     SHORTHAND: ClassVar[str | None] = None
     """The field that a bare value typed by a person stands for: `B` for `{"foot": "B"}`."""
+    IS_CERTAIN: ClassVar[bool] = False
+    """Whether a command counts even where its bytes cannot be read: then all its fields have their defaults."""
     __slots__ = ()
 
     def __post_init__(self) -> None:
@@ -98,12 +102,29 @@ class JointTarget(Message):
     """Where the joints shall go: all eight values in `q`, or those of `names`. Radians; metres for q2 and q7.
 
     duration_s: the motion takes this long, or longer where velocity limits ask for it; without it, the limits decide.
+    valid_s: so long, in simulated time, the robot believes its commander to be there. The same target sent again renews
+    it without disturbing the motion; when it runs out, the joints halt. None = until it is reached.
     """
 
     SHORTHAND: ClassVar[str | None] = "q"
     q: NamedValues
     names: tuple[str, ...] | None = None
     duration_s: float | None = None
+    valid_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stop(Message):
+    """Every drive halts where it is, at once; steps and trajectories under way end. text: who stops, and why."""
+
+    SHORTHAND: ClassVar[str | None] = "text"
+    IS_CERTAIN: ClassVar[bool] = True
+    text: str = ""
+
+    @property
+    def reason(self) -> str:
+        """For people to read."""
+        return f"stopped: {self.text}" if self.text else "stopped"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -172,6 +193,53 @@ class SimControl(Message):
             raise MessageError("one of action, seed, real_time_factor must be given")
         if self.num_steps is not None and self.action is not SimAction.STEP:
             raise MessageError("num_steps belongs to the action step")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecorderControl(Message):
+    """What the recorder shall do.
+
+    run: name of the folder a start writes to, "" = the UTC time. channels: what a start records, patterns of keys below
+    `hyrecro/` such as `lidar/*`; () = what the configuration says.
+
+    Raises:
+        MessageError: run or channels with another action than start.
+    """
+
+    SHORTHAND: ClassVar[str | None] = "action"
+    action: RecorderAction
+    run: str = ""
+    channels: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        Message.__post_init__(self)
+        if (self.run or self.channels) and self.action is not RecorderAction.START:
+            raise MessageError("run and channels belong to the action start")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReplayControl(Message):
+    """What a replay shall do. At least one field is given; all that are given are carried out, `seek_s` first.
+
+    seek_s: goes on from so many seconds after the recording's first message. speed: recorded seconds a second.
+
+    Raises:
+        MessageError: nothing is asked for, a time before the recording, or a speed that is not above 0.
+    """
+
+    SHORTHAND: ClassVar[str | None] = "action"
+    action: ReplayAction | None = None
+    seek_s: float | None = None
+    speed: float | None = None
+
+    def __post_init__(self) -> None:
+        Message.__post_init__(self)
+        if self.action is None and self.seek_s is None and self.speed is None:
+            raise MessageError("one of action, seek_s, speed must be given")
+        if self.seek_s is not None and self.seek_s < 0:
+            raise MessageError(f"seek_s is {self.seek_s:g}, must not be negative")
+        if self.speed is not None and self.speed <= 0:
+            raise MessageError(f"speed is {self.speed:g}, must be above 0")
 
 
 # ---- the robot
@@ -477,3 +545,38 @@ class Health(Measurement):
     rss_bytes: int
     busy_ratio: float
     channels: tuple[ChannelCount, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChannelRecord(Message):
+    """What became of the messages of one key in a recording.
+
+    num_published: by their publisher, as its numbers and its heartbeats tell; None for commands, which nobody numbers.
+    num_received: by the recorder. num_written: handed to the operating system in a whole chunk. num_lost_on_bus:
+    published and not received. num_lost_to_disk: received, and never to be written. Received and neither written nor
+    lost is what still waits for its chunk.
+    """
+
+    key: str
+    num_received: int = 0
+    num_written: int = 0
+    num_lost_on_bus: int = 0
+    num_lost_to_disk: int = 0
+    num_published: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecorderStatus(Measurement):
+    """How the recording goes, or how the last one ended.
+
+    path: of the file being written, or of the last one; "" if there was none. num_files, num_bytes: of this recording.
+    free_bytes: left on its disk. text: why it stopped by itself; "" if it did not. channels: by key.
+    """
+
+    is_recording: bool
+    path: str
+    num_files: int
+    num_bytes: int
+    free_bytes: int
+    text: str = ""
+    channels: tuple[ChannelRecord, ...] = ()

@@ -79,3 +79,18 @@ class SimAction(enum.Enum):
     RESUME = "resume"
     STEP = "step"
     RESET = "reset"
+
+
+class RecorderAction(enum.Enum):
+    """What can be asked of the recorder."""
+
+    START = "start"
+    STOP = "stop"
+
+
+class ReplayAction(enum.Enum):
+    """What can be asked of a replay."""
+
+    PAUSE = "pause"
+    RESUME = "resume"
+    STEP = "step"

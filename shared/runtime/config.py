@@ -182,10 +182,22 @@ class RecorderConfig(Section):
     run: str = Field("", pattern=r"^[A-Za-z0-9_.:-]*$")
     """Name of the run's folder; empty = the UTC time at the start."""
     compression: Literal["lz4", "zstd", "none"] = "lz4"
+    """Of chunks: lz4 is quicker, zstd smaller."""
     chunk_size_kib: int = Field(1024, ge=64, le=65536)
     chunk_period_s: float = Field(0.5, gt=0, le=60)
     """A chunk is closed at least this often: a killed recorder loses no more than this."""
     max_queue_mib: int = Field(256, ge=16, le=65536)
+    """What may wait for the recorder, and as much again for its disk."""
+    max_file_mib: int = Field(0, ge=0, le=1024 * 1024)
+    """A file that has grown to this is followed by another: run.mcap, run_001.mcap ... 0: never."""
+    max_file_s: float = Field(0.0, ge=0, le=1e6)
+    """The same by the time it spans. 0: never."""
+    min_free_mib: int = Field(64, ge=0, le=1024 * 1024)
+    """The recording stops before less than this is left on the disk."""
+    channels: tuple[str, ...] = ("*",)
+    """What is recorded: patterns of keys below `hyrecro/`, such as lidar/*."""
+    starts: bool = True
+    """Records from the start; otherwise when told to."""
 
 
 class PlayerConfig(Section):
@@ -226,6 +238,39 @@ class PlannerConfig(Section):
     """Of simulated time, for the joints to arrive or the feet to change."""
 
 
+class TeleopConfig(Section):
+    """The page in a browser."""
+
+    enabled: bool = False
+    """Whether `hyrecro up` starts it too."""
+    host: str = "127.0.0.1"
+    """Where it listens: whoever reaches it can move the robot. Inside a container 0.0.0.0, published on loopback."""
+    port: int = Field(8080, ge=1, le=65535)
+    rate_hz: float = Field(10.0, ge=1, le=50)
+    """Joint targets a second, renewals too."""
+    valid_s: float = Field(0.5, gt=0, le=10)
+    """A joint target that is not renewed for so long halts the robot."""
+    silence_s: float = Field(2.0, gt=0, le=60)
+    """A page that commands and does not answer for so long halts the robot."""
+    speed_share: float = Field(0.3, gt=0, le=1)
+    """Of the joints' velocity limits, to begin with."""
+    postures: InputFile = Path("postures.csv")
+    max_points: int = Field(20_000, ge=100, le=1_000_000)
+    """Scan and map are thinned to so many points each."""
+
+    @property
+    def url(self) -> str:
+        """Where a browser on this machine finds the page."""
+        host = "127.0.0.1" if self.host in ("0.0.0.0", "::") else self.host  # noqa: S104 - it is compared
+        return f"http://{host}:{self.port}"
+
+    @model_validator(mode="after")
+    def _renewed_in_time(self) -> TeleopConfig:
+        if self.valid_s < 2 / self.rate_hz:
+            raise ValueError(f"valid_s {self.valid_s} must be at least two periods of rate_hz, {2 / self.rate_hz:g}")
+        return self
+
+
 class EvaluatorConfig(Section):
     """Comparison with the truth."""
 
@@ -250,8 +295,9 @@ class Config(Section):
     player: PlayerConfig = PlayerConfig.model_construct()
     planner: PlannerConfig = PlannerConfig()
     evaluator: EvaluatorConfig = EvaluatorConfig()
+    teleop: TeleopConfig = TeleopConfig.model_construct()
 
-    @field_validator("player", mode="before")
+    @field_validator("player", "teleop", mode="before")
     @classmethod
-    def _player_is_checked(cls, value: object) -> object:
-        return {} if isinstance(value, PlayerConfig) else value
+    def _default_is_checked(cls, value: object) -> object:
+        return {} if isinstance(value, Section) else value

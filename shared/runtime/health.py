@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from shared.messaging.messages import ChannelCount, Event, Measurement, Message
@@ -54,15 +55,19 @@ class Traffic:
         counter = traffic.sources.get(source_of(message))
         return counter is not None and counter.last_seq is not None and message.seq <= counter.last_seq
 
-    def snapshot(self, num_dropped: dict[str, int]) -> tuple[ChannelCount, ...]:
-        """The counters by key; num_dropped: what the inbox had to drop, which is taken off the missed ones."""
+    def snapshot(self, num_dropped: Mapping[str, int], num_lost: Mapping[str, int]) -> tuple[ChannelCount, ...]:
+        """The counters by key.
+
+        num_dropped: what the inbox had to drop, which is taken off the missed ones. num_lost: what was received and
+        lost then, which counts as dropped too.
+        """
         return tuple(
             ChannelCount(
                 key=key,
                 num_sent=traffic.num_sent,
                 num_received=traffic.num_received,
                 num_missed=max(0, sum(c.num_missed for c in traffic.sources.values()) - num_dropped.get(key, 0)),
-                num_dropped=num_dropped.get(key, 0),
+                num_dropped=num_dropped.get(key, 0) + num_lost.get(key, 0),
                 num_refused=traffic.num_refused,
                 last_seq=traffic.last_seq,
             )

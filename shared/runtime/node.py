@@ -8,8 +8,18 @@ from typing import Any
 
 from shared.messaging.channels import Channel
 from shared.messaging.messages import Message
+from shared.runtime.exit_codes import Exit
 
-Messages = Iterable[Message]
+
+@dataclass(frozen=True, slots=True)
+class Addressed:
+    """A message and the channel it goes to, where its type alone does not tell; it is sent as it is."""
+
+    channel: Channel
+    message: Message
+
+
+Messages = Iterable[Message | Addressed]
 Handler = Callable[[Any], Messages]
 
 
@@ -25,16 +35,26 @@ def _nobody(_channel: Channel) -> bool:
     return False
 
 
+def _none() -> Mapping[str, int]:
+    return {}
+
+
+def _fine() -> Exit:
+    return Exit.FINE
+
+
 @dataclass(frozen=True, kw_only=True)
 class Node:
     """Wiring of one service.
 
     inputs: channel -> facade method; it gets the decoded message and returns the messages that follow from it. On a
     command channel it may raise RefusedError. outputs: the channels the returned messages go to, by message type (one
-    channel a type). on_start, on_timer and on_stop return messages in the same way; an Event gets its `seq` from the
-    runner, which says events too. timer_hz: of the wall's clock; a function is asked anew each time. is_done: whether
-    the service has finished by itself. is_observer: it only watches: it takes every message of every input through one
-    bounded queue, also where the channel says LATEST, and leaves commands to others to answer.
+    channel a type) or as an `Addressed` says. on_start, on_timer and on_stop return messages in the same way; an Event
+    gets its `seq` from the runner, which says events too. timer_hz: of the wall's clock; a function is asked anew each
+    time. is_done: whether the service has finished by itself. is_observer: it only watches: it takes every message of
+    every input through one bounded queue, also where the channel says LATEST, and leaves commands to others to answer,
+    but those in `answers`. num_lost: by key expression, what came and was lost then, for the heartbeat. exit_code: of
+    the process, when it ends by itself or by SIGTERM.
     """
 
     name: str
@@ -46,6 +66,9 @@ class Node:
     is_done: Callable[[], bool] = _never
     timer_hz: float | Callable[[], float] | None = None
     is_observer: bool = False
+    answers: tuple[Channel, ...] = ()
+    num_lost: Callable[[], Mapping[str, int]] = _none
+    exit_code: Callable[[], Exit] = _fine
 
 
 @dataclass(kw_only=True)

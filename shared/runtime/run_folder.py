@@ -15,6 +15,13 @@ def run_name(config: RecorderConfig) -> str:
     return config.run or datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
 
 
+def new_run_name(config: RecorderConfig) -> str:
+    """The UTC time now, or that with a number where there is such a folder already."""
+    name = run_name(config.model_copy(update={"run": ""}))
+    names = [name, *(f"{name}_{number}" for number in range(2, 100))]
+    return next((name for name in names if not run_folder(config, name).exists()), name)
+
+
 def run_folder(config: RecorderConfig, name: str) -> Path:
     """Where the run of that name is written."""
     return config.directory / name

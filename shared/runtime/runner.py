@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
@@ -16,7 +16,15 @@ from types import FrameType
 import psutil
 import structlog
 
-from shared.errors import CodecError, ConfigError, HyrecroError, InputFileError, MessageError, RefusedError
+from shared.errors import (
+    CodecError,
+    ConfigError,
+    HyrecroError,
+    InputFileError,
+    MessageError,
+    RefusedError,
+    StoppedError,
+)
 from shared.messaging.bus import Bus
 from shared.messaging.channels import EVENTS, HEALTH, Channel
 from shared.messaging.codec import decode, decode_command
@@ -27,7 +35,7 @@ from shared.runtime.config_loading import DEFAULT_CONFIG, load_config
 from shared.runtime.exit_codes import Exit
 from shared.runtime.health import Traffic
 from shared.runtime.logs import configure_logs
-from shared.runtime.node import Context, Node
+from shared.runtime.node import Addressed, Context, Messages, Node
 
 log = structlog.get_logger()
 
@@ -50,21 +58,26 @@ def run_service(name: str, build_node: BuildNode, arguments: argparse.Namespace 
     structlog.contextvars.bind_contextvars(service=name)
     stop = StopSignal()
     context = Context(clock_ns=time.monotonic_ns)
+    exit_code = Exit.FINE
     try:
         config = load_config(arguments.config, arguments.set, os.environ)
         node = build_node(config, context)
         run_node(node, config, context, stop.is_set)
+        exit_code = node.exit_code()
     except ConfigError as error:
         _complain(name, f"the configuration is not usable:\n{error}")
         sys.exit(Exit.USAGE)
     except InputFileError as error:
         _complain(name, str(error))
         sys.exit(Exit.USAGE)
+    except StoppedError as error:
+        _complain(name, str(error))
+        sys.exit(Exit.PARTIAL)
     except HyrecroError as error:
         if not stop.is_set():
             _complain(name, str(error))
             sys.exit(Exit.FAILED)
-    sys.exit(stop.exit_code())
+    sys.exit(stop.exit_code() or exit_code)
 
 
 def service_parser(name: str) -> argparse.ArgumentParser:
@@ -142,10 +155,11 @@ class ServiceLoop:
     def run(self, is_stopping: Callable[[], bool]) -> None:
         """Serves until the node is done or `is_stopping`; then the node's last messages and a last heartbeat go out."""
         node = self._node
-        for channel in self._routes.values():
+        for channel in dict.fromkeys((*node.outputs, *self._routes.values())):
             self._bus.advertise(channel)
         for channel in node.inputs:
-            self._bus.subscribe(channel, self._inbox, is_observer=node.is_observer)
+            is_answered = not node.is_observer or channel in node.answers
+            self._bus.subscribe(channel, self._inbox, is_observer=not is_answered)
         try:
             self._send(node.on_start())
             self._bus.announce(node.name)
@@ -218,16 +232,21 @@ class ServiceLoop:
         if parcel.reply is not None:
             parcel.reply(False, reason)
 
-    def _send(self, messages: Iterable[Message]) -> None:
-        for message in messages:
-            if isinstance(message, Event):
-                message = replace(message, seq=self._num_events)
-                self._num_events += 1
-                log.log(_LOG_LEVELS[message.severity], "refused" if message.refused_key else "event", text=message.text)
-            channel = self._routes[type(message)]
+    def _send(self, messages: Messages) -> None:
+        for said in messages:
+            channel, message = self._addressed(said)
             self._bus.publish(channel, message)
             seq, stamp_ns = (message.seq, message.stamp_ns) if isinstance(message, Measurement) else (None, None)
             self._traffic.sent(channel.key_expr, seq=seq, stamp_ns=stamp_ns)
+
+    def _addressed(self, said: Message | Addressed) -> tuple[Channel, Message]:
+        if isinstance(said, Addressed):
+            return said.channel, said.message
+        if isinstance(said, Event):
+            said = replace(said, seq=self._num_events)
+            self._num_events += 1
+            log.log(_LOG_LEVELS[said.severity], "refused" if said.refused_key else "event", text=said.text)
+        return self._routes[type(said)], said
 
     def _send_health(self) -> None:
         now_s = time.monotonic()
@@ -243,7 +262,7 @@ class ServiceLoop:
             uptime_s=now_s - self._started_s,
             rss_bytes=self._process.memory_info().rss,
             busy_ratio=min(1.0, self._busy_s / elapsed_s),
-            channels=self._traffic.snapshot(dict(self._inbox.num_dropped)),
+            channels=self._traffic.snapshot(dict(self._inbox.num_dropped), self._node.num_lost()),
         )
         self._bus.publish(channel, health)
         self._last_health_s, self._busy_s = now_s, 0.0

@@ -33,13 +33,17 @@ class ImuConfig(Section):
     rate_hz: float = Field(ge=0, le=1000)
     """0 = none."""
     gyro_noise_radps_per_sqrt_hz: float = Field(ge=0, le=1)
+    """White noise of the angular rate."""
     gyro_walk_radps2_per_sqrt_hz: float = Field(ge=0, le=1)
     """Of the bias, a random walk."""
     gyro_bias_radps: float = Field(ge=0, le=1)
     """Standard deviation of the bias at the start."""
     accel_noise_mps2_per_sqrt_hz: float = Field(ge=0, le=10)
+    """White noise of the acceleration."""
     accel_walk_mps3_per_sqrt_hz: float = Field(ge=0, le=10)
+    """Of its bias."""
     accel_bias_mps2: float = Field(ge=0, le=10)
+    """Standard deviation of its bias at the start."""
 
 
 class SurfaceConfig(Section):
@@ -60,6 +64,7 @@ class SensorConfig(Section):
     mount: MountConfig | None = None
     """None: the robot's URDF has the frame."""
     backend: Backend = "scan_conversion"
+    """How rays find what they meet: faces drawn into the sensor's grid, or rays cast by Embree."""
     preset: InputFile
     """ideal, original, datasheet, or a file like those in configs/sensors/."""
     truth: bool = False
@@ -117,6 +122,7 @@ class LidarConfig(SensorConfig):
 
     KIND = "lidar"
     kind: Literal["lidar"] = "lidar"
+    """What a further sensor is."""
     frame: str = "lidar"
     """The link that carries the sensor's frame: z up along its axis; its clouds and IMU refer to it."""
     preset: InputFile = Path("original")
@@ -131,6 +137,7 @@ class LidarConfig(SensorConfig):
     min_range_m: float = Field(ge=0, le=100)
     """Blind zone: what is nearer blocks the beam but returns nothing."""
     max_range_m: float = Field(gt=0, le=1000)
+    """What is farther returns nothing."""
     self_hits: bool
     """Whether the robot is in the way of the beams."""
     body_filter: bool
@@ -148,8 +155,9 @@ class LidarConfig(SensorConfig):
     incidence_fade_deg: float = Field(ge=0, le=90)
     """A surface's returns fade over this angle up to its max_incidence_deg."""
     exit_m: float = Field(ge=0, le=0.1)
+    """Diameter of a beam where it leaves the sensor. 0, and no divergence = a line."""
     divergence_deg: float = Field(ge=0, le=5)
-    """Diameter of a beam where it leaves the sensor, and full angle by which it widens. 0 and 0 = a line."""
+    """Full angle by which it widens."""
     pulse_m: float = Field(ge=0, le=10)
     """Surfaces within one beam mix into one range when they are nearer than this along it."""
     surfaces: dict[str, SurfaceConfig]
@@ -179,26 +187,34 @@ class DepthConfig(SensorConfig):
 
     KIND = "depth"
     kind: Literal["depth"] = "depth"
+    """What a further sensor is."""
     frame: str = "depth_optical"
     """The link that carries the optical frame of REP-103: z forward, x right, y down."""
     preset: InputFile = Path("original")
     mode: DepthMode = "848x480"
+    """Columns x rows of an image."""
     rate_hz: Literal[6, 15, 30] = 15
+    """Images a second."""
     horizontal_fov_deg: float = Field(gt=1, lt=170)
+    """Of the whole image."""
     baseline_m: float = Field(gt=0, le=1)
+    """From one of the two cameras to the other."""
     near_clip_m: float = Field(gt=0, le=10)
     """What is nearer than this depth is passed through."""
     min_range_m: float = Field(ge=0, le=65)
+    """Depths below are not given."""
     max_range_m: float = Field(gt=0, le=65.535)
-    """Depths outside are not given; a pixel holds at most 65.535 m."""
+    """Depths beyond are not given; a pixel holds at most 65.535 m."""
     self_hits: bool
     """Whether the robot is in view."""
     correlated_noise_px: float = Field(ge=0, le=10)
+    """Standard deviation of the disparity's noise that neighbours share."""
     correlation_px: float = Field(gt=0, le=100)
-    """Standard deviation of the disparity's noise that neighbours share, and the lag at which they share half of it."""
+    """The lag at which they share half of it."""
     white_noise_px: float = Field(ge=0, le=10)
+    """Standard deviation of the noise of each pixel alone."""
     static_noise_px: float = Field(ge=0, le=10)
-    """Of the noise of each pixel alone, and of that which neighbours share and which stays from image to image."""
+    """The same of noise that neighbours share and that stays from image to image."""
     disparity_quantum_px: float = Field(ge=0, le=1)
     """Disparities are whole multiples of this. 0 = any."""
     max_disparity_px: float = Field(ge=0, le=10_000)

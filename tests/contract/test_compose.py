@@ -29,7 +29,8 @@ def test_each_command_names_a_service_that_exists(name):
 
 def test_it_starts_what_the_launcher_starts():
     assert {name: OWN[name]["command"] for name in SERVICES} == SERVICES
-    assert set(OWN) - set(SERVICES) == {"player"}
+    assert set(OWN) - set(SERVICES) == {"player", "teleop"}
+    assert all(OWN[name]["profiles"] for name in ("player", "teleop"))
 
 
 @pytest.mark.parametrize("name", SERVICES)
@@ -43,7 +44,9 @@ def test_the_router_has_the_clients_version_and_listens_on_loopback():
     assert router["image"] == f"eclipse/zenoh:{version('eclipse-zenoh')}"
     assert router["ports"] == ["127.0.0.1:7447:7447"]
     assert router["shm_size"]
-    assert [name for name, service in COMPOSE["services"].items() if service.get("ports")] == ["router"]
+    ports = {name: service["ports"] for name, service in COMPOSE["services"].items() if service.get("ports")}
+    assert set(ports) == {"router", "teleop"}
+    assert all(port.startswith("127.0.0.1:") for published in ports.values() for port in published)
 
 
 def test_the_routers_file_sets_what_the_embedded_router_sets():

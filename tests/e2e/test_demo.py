@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import shlex
 import signal
 import subprocess
 
@@ -15,6 +16,7 @@ from PIL import Image
 from pypcd4 import PointCloud
 
 from tests.e2e.conftest import ALL_SERVICES, wait_for_services
+from tests.support.documents import commands
 from tests.support.processes import BIN, ROOT, free_endpoint, hyrecro_command, run, started, wait_until
 
 pytestmark = pytest.mark.e2e
@@ -76,6 +78,22 @@ def test_the_picture_shows_something(demo):
     pixels = np.asarray(Image.open(demo[0] / "map.png").convert("RGB"))
     assert pixels.shape[0] > 400
     assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 100
+
+
+def test_the_tutorial_maps_and_scores_the_recording(demo, tmp_path, monkeypatch):
+    """Every command after `hyrecro demo`, in the order in which people type them."""
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "latest").symlink_to(demo[0].resolve())
+    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    first, *others = commands("tutorials/recording_to_map.md", "hyrecro")
+    assert first == "hyrecro demo"
+    ran = [run(*shlex.split(line), cwd=tmp_path) for line in others]
+    assert [result.returncode for result in ran] == [0] * len(others), [result.stderr for result in ran]
+    assert (tmp_path / "planes" / "planes.png").stat().st_size > 10_000
+    score = json.loads((tmp_path / "score" / "eval.json").read_text())
+    assert score["ate_rmse_m"] < 0.02
+    assert score["map_accuracy_mean_m"] < 0.02
 
 
 def test_ctrl_c_leaves_no_process_and_a_whole_file(short_climb, tmp_path):

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from services.recorder.recording import Recording
+from services.recorder.bag.recording import Recording
 from shared.messaging.channels import ACTUATORS_STATE, CLOCK, EVENTS, LEG_STATE, SIM_CONTROL
 from shared.messaging.messages import ActuatorState, Clock, Foot, LegState, Severity, SimControl
 from tests.e2e.conftest import ALL_SERVICES, wait_for_services

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.recorder.recording import Recording
+from services.recorder.bag.recording import Recording
 from shared.messaging.channels import EVENTS, LIDAR_POINTS, MAP_CLOUD, MAP_ODOMETRY, MAP_STATUS
 from shared.messaging.messages import LidarScan, MapStatus, PointCloud
 from tests.e2e.conftest import wait_for_services

@@ -18,8 +18,8 @@ _BINARY = Path(rerun_cli.__file__).parent / "rerun"
 
 
 @contextmanager
-def viewer(*paths: Path) -> Iterator[Any]:
-    """A viewer that has loaded these files."""
+def viewer(path: Path) -> Iterator[Any]:
+    """A viewer that has loaded this file."""
     port = free_endpoint().rpartition(":")[2]
     options = [
         "--headless",
@@ -32,13 +32,13 @@ def viewer(*paths: Path) -> Iterator[Any]:
         "1280x800",
     ]
     process = subprocess.Popen(
-        [_BINARY, *options, "--memory-limit", "4GiB", *paths],
+        [_BINARY, *options, "--memory-limit", "4GiB", path],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         env={**os.environ, "WGPU_BACKEND": "vulkan"},
     )
     try:
-        yield wait_until(lambda: _loaded(port, process), f"the viewer with {paths}")
+        yield wait_until(lambda: _loaded(port, process), f"the viewer with {path}")
     finally:
         process.terminate()
         process.wait(30)

@@ -13,6 +13,7 @@ from shared.messaging.frames import FrameTree
 from shared.messaging.messages import (
     JOINT_NAMES,
     ActuatorState,
+    ActuatorTarget,
     Clock,
     FixedFootDescription,
     Foot,
@@ -21,6 +22,7 @@ from shared.messaging.messages import (
     LegState,
     LegTarget,
     RobotDescription,
+    Stop,
     StructureDescription,
     Transforms,
 )
@@ -29,7 +31,7 @@ from shared.robot.kinematics import T_fixed_free
 from shared.robot.statics import RobotMasses
 from shared.runtime.config import CONFIGS_DIR, SimConfig
 from shared.world.urdf_format import structure_urdf
-from tests.support.robots import MARK, MODEL, NOTHING, ORIGINAL, URDF, T_world_foot, only, running
+from tests.support.robots import MARK, MODEL, NOTHING, ORIGINAL, URDF, T_world_foot, events, last, only, run, running
 
 LIMITS = [MODEL.limits[name] for name in JOINT_NAMES]
 LINKS = (
@@ -305,3 +307,76 @@ def test_the_fixed_foot_says_what_it_would_bear():
     assert state.load_n == pytest.approx(0.0, abs=1e-9)
     assert state.margin == pytest.approx(float(margin(state.wrench, MagnetLimits())))
     assert 0.0 < state.margin < 0.5
+
+
+# ---- stops
+
+FAR = np.array([0.5, 0, 0, 0, 0, 0, 0.01, -1.0])
+
+
+def test_a_stop_halts_every_joint_where_it_is():
+    with running() as sim:
+        sim.set_joint_target(JointTarget(q=FAR))
+        before = last(JointState, run(sim, 0.3))
+        (event,) = events(sim.stop(Stop(text="someone is near")))
+        after = [message for message in run(sim, 1.0) if isinstance(message, JointState)]
+    assert before.dq.any()
+    assert event == "the robot is stopped: someone is near"
+    for state in after:
+        np.testing.assert_allclose(state.q, before.q, rtol=0, atol=1e-12)
+        np.testing.assert_array_equal(state.dq, np.zeros(8))
+
+
+def test_targets_that_were_under_way_when_the_robot_was_stopped_are_refused():
+    with running() as sim:
+        sim.stop(Stop())
+        run(sim, 0.19)
+        with pytest.raises(RefusedError, match=r"stopped less than 0.2 s ago"):
+            sim.set_joint_target(JointTarget(q=FAR))
+        with pytest.raises(RefusedError, match=r"stopped less than 0.2 s ago"):
+            sim.set_actuator_target(ActuatorTarget(positions=np.array([0.1]), names=("th_a",)))
+        run(sim, 0.01)
+        sim.set_joint_target(JointTarget(q=FAR))
+        np.testing.assert_array_equal(last(JointState, run(sim, 1.0)).q, FAR)
+
+
+def test_core_links_halt_too():
+    with running() as sim:
+        sim.set_actuator_target(ActuatorTarget(positions=np.array([0.24, 0.24]), names=("a1_l", "a1_r")))
+        before = last(ActuatorState, run(sim, 0.1)).positions
+        sim.stop(Stop())
+        after = last(ActuatorState, run(sim, 1.0))
+    np.testing.assert_allclose(after.positions, before, atol=1e-9)
+    np.testing.assert_allclose(after.velocities, 0, atol=1e-9)
+
+
+def test_a_target_that_is_not_renewed_halts_the_robot_and_says_so_once():
+    with running() as sim:
+        sim.set_joint_target(JointTarget(q=FAR, valid_s=0.25))
+        messages = run(sim, 1.5)
+    states = [message for message in messages if isinstance(message, JointState)]
+    assert events(messages) == ["the joint target was not renewed in time: the robot is stopped"]
+    np.testing.assert_allclose(states[-1].q, 0.25 * FAR, atol=1e-12)
+    assert not any(state.dq.any() for state in states[25:])
+
+
+def test_a_target_that_is_renewed_goes_on_undisturbed():
+    target = JointTarget(q=FAR, duration_s=2.0, valid_s=0.25)
+    with running() as sim:
+        positions = []
+        for _ in range(12):
+            sim.set_joint_target(target)
+            positions += [message.q for message in run(sim, 0.2) if isinstance(message, JointState)]
+        messages = run(sim, 1.0)
+    np.testing.assert_allclose(positions[149], 0.75 * FAR, atol=1e-12)
+    np.testing.assert_array_equal(positions[-1], FAR)
+    assert events(messages) == [], "it had arrived: nothing had to be stopped"
+
+
+def test_another_target_ends_the_watch_over_the_first():
+    with running() as sim:
+        sim.set_joint_target(JointTarget(q=FAR, valid_s=0.25))
+        sim.set_joint_target(JointTarget(q=0.5 * FAR))
+        messages = run(sim, 1.5)
+    np.testing.assert_array_equal(last(JointState, messages).q, 0.5 * FAR)
+    assert events(messages) == []

@@ -6,7 +6,7 @@ import pytest
 
 from shared.errors import CodecError, MessageError
 from shared.messaging.codec import decode, decode_command, encode, from_text, to_text
-from shared.messaging.messages import Foot, JointTarget, LegTarget, LidarScan, PointCloud, Transforms
+from shared.messaging.messages import Foot, JointTarget, LegTarget, LidarScan, PointCloud, Stop, Transforms
 
 
 def test_bulk_arrays_travel_as_little_endian_bytes():
@@ -96,3 +96,13 @@ def test_people_write_commands_as_json():
     assert decode_command(LegTarget, from_text("hyrecro/leg/target", "A")) == LegTarget(foot=Foot.A)
     with pytest.raises(CodecError, match="not a command key"):
         from_text("hyrecro/leg/state", "A")
+
+
+@pytest.mark.parametrize("payload", [b"", b"{", b"[1", "\u00a1alto!".encode(), b"\xff" * 70_000, b'{"text": 3}'])
+def test_a_stop_counts_whatever_its_bytes_are(payload):
+    assert decode_command(Stop, payload) == Stop()
+
+
+@pytest.mark.parametrize("payload", [b"stand back", b'"stand back"', b'{"text": "stand back"}'])
+def test_a_stop_may_say_why(payload):
+    assert decode_command(Stop, payload) == Stop(text="stand back")

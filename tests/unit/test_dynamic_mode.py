@@ -12,6 +12,7 @@ from shared.messaging.messages import (
     Severity,
     SimAction,
     SimControl,
+    Stop,
     Transforms,
 )
 from shared.robot.statics import RobotMasses, holding_wrench
@@ -183,3 +184,19 @@ def test_physics_goes_by_simulated_time_at_any_rate(rate_hz):
     transforms = only(Transforms, messages)
     assert transforms.stamp_ns == 1_000_000_000
     assert T_world_foot(transforms, Foot.A).translation[2] == pytest.approx(100 - 9.81 / 2, abs=0.02)
+
+
+def test_a_stop_brakes_as_hard_as_the_drives_may_and_stays_there():
+    structure, config = pad()
+    with running(config, structure) as sim:
+        sim.start()
+        sim.set_joint_target(JointTarget(q=np.array([0.6]), names=("q4",)))
+        before = last(JointState, run(sim, 0.4))
+        sim.stop(Stop(text="now"))
+        braking = last(JointState, run(sim, 0.3))
+        after = last(JointState, run(sim, 1.0))
+    assert before.dq[3] > 0.9
+    way = before.dq[3] ** 2 * config.dynamics.ramp_s / 2
+    assert braking.q[3] - before.q[3] == pytest.approx(way, abs=0.02)
+    np.testing.assert_allclose(after.dq, 0, atol=1e-3)
+    assert abs(after.q[3] - braking.q[3]) < 0.005

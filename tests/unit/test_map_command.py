@@ -1,6 +1,7 @@
 """`hyrecro map` on a folder of clouds: what it writes, and what it says of clouds that cannot be used."""
 
 import json
+import re
 import shutil
 import sys
 
@@ -11,6 +12,7 @@ from cli import main as command_line
 from services.evaluator.trajectory_error import compare_trajectories
 from shared.cloud_files import read_cloud, write_cloud
 from shared.trajectory_files import read_tum, write_tum
+from tests.support.processes import run
 from tests.support.scans import NUM_SCANS
 
 KEYS = {
@@ -52,6 +54,14 @@ def test_a_folder_is_mapped(hyrecro, folder, recorded_scans, method):
     np.testing.assert_array_equal(poses[0][1].matrix, np.eye(4))
     assert compare_trajectories([pose for _, pose in poses], recorded_scans[1]).ate_rmse_m < 0.002
     assert len(read_cloud(folder.parent / "m.pcd").points_m) == figures["map_points"] > 1000
+
+
+def test_what_the_viewer_shows_can_go_to_a_file(hyrecro, folder):
+    code, _, err = hyrecro("map", folder, "--rrd", "map.rrd")
+    assert (code, err) == (0, "")
+    printed = run("rerun", "rrd", "print", folder.parent / "map.rrd")
+    entities = set(re.findall(r"/[a-z_/]+", printed.stdout))
+    assert entities >= {"/lidar/points", "/map/cloud", "/map/planes", "/map/odometry", "/map/status/score"}
 
 
 def test_a_summary_is_for_people(hyrecro, folder):

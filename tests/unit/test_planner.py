@@ -19,6 +19,7 @@ from shared.messaging.messages import (
     LegState,
     LegTarget,
     Severity,
+    Stop,
 )
 from shared.runtime.config import PlannerConfig
 from tests.support.postures import MODEL
@@ -272,3 +273,17 @@ def test_each_phase_starts_and_ends_at_rest():
     assert schedule.q_at(0.5)[0] == pytest.approx(0.2 - 0.2 * 0.1**2 / (2 * 0.2 * 0.4))
     assert schedule.q_at(0.6) == pytest.approx(q[1])
     assert schedule.q_at(1.6) == pytest.approx(q[2])
+
+
+def test_a_stop_ends_the_step_where_it_is(robot):
+    robot.take(robot.planner.add_foot_target(NEXT))
+    robot.tick(30)
+    robot.take(robot.planner.stop(Stop(text="someone is near")))
+    num_targets = len(robot.targets)
+    robot.tick(100)
+    assert (robot.statuses[-1].phase, robot.statuses[-1].text) == (FootPhase.STOPPED, "stopped: someone is near")
+    assert len(robot.targets) == num_targets
+    assert robot.planner.stop(Stop()) == [], "nothing is under way"
+    robot.take(robot.planner.add_foot_target(NEXT))
+    robot.run()
+    assert robot.phases[-1] is FootPhase.DONE

@@ -3,8 +3,8 @@ import pytest
 
 from services.player.player import Player
 from services.player.trajectory import ChangeFoot, MoveTo
-from shared.errors import PlaybackError
-from shared.messaging.messages import Event, Foot, JointState, JointTarget, LegState, LegTarget, Severity
+from shared.errors import PlaybackError, StoppedError
+from shared.messaging.messages import Event, Foot, JointState, JointTarget, LegState, LegTarget, Severity, Stop
 from shared.runtime.config import PlayerConfig
 
 CONFIG = PlayerConfig(num_steps=4, speed_radps=None, rate_hz=10.0, timeout_s=1.0)
@@ -132,3 +132,15 @@ def test_a_refusal_or_a_fall_ends_it_and_nothing_else():
         player.add_event(event("sim", Severity.ERROR, "it falls"))
     assert player.add_event(event("sim", Severity.WARNING, "a1_l is beyond its stroke")) == []
     assert player.add_event(event("mapper", Severity.ERROR, "lost")) == []
+
+
+def test_a_stop_ends_the_trajectory_and_names_the_line():
+    robot = standing_robot(MOVE)
+    robot.is_at(0.0)
+    with pytest.raises(StoppedError, match="line 2: stopped: someone is near"):
+        robot.player.stop(Stop(text="someone is near"))
+
+
+def test_a_stop_after_the_last_row_is_nobodys_business():
+    robot = standing_robot()
+    assert robot.player.stop(Stop()) == []

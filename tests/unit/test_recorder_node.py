@@ -3,9 +3,9 @@
 import pytest
 
 from cli.report import count_messages
+from services.recorder.bag.recording import Recording
 from services.recorder.node import build_node
 from services.recorder.recorder import Recorder
-from services.recorder.recording import Recording
 from shared.messaging.channels import CHANNELS, channels_of
 from shared.messaging.messages import LidarScan
 from shared.runtime.config import RecorderConfig
@@ -20,6 +20,7 @@ REAR = "sensors.others.lidar_rear={kind: lidar, frame: lidar_rear, mount: {}}"
 def node(tmp_path):
     config = load_config(overrides=[f"recorder.directory={tmp_path}", "recorder.run=here", REAR])
     node = build_node(config, Context(clock_ns=lambda: 0))
+    node.on_start()
     yield node
     node.on_stop()
 
@@ -44,9 +45,10 @@ def test_the_report_counts_a_further_sensor_under_its_key(tmp_path):
     scan = next(example for example in EXAMPLES if type(example) is LidarScan)
     channels = channels_of(["lidar_rear"])
     (rear,) = (channel for channel in channels if channel.key == "lidar_rear/points")
-    recorder = Recorder(RecorderConfig(), tmp_path / "run.mcap", {}, channels)
+    recorder = Recorder(RecorderConfig(directory=tmp_path, run="here"), {}, channels)
+    recorder.start()
     recorder.add(rear, scan)
     recorder.close()
-    counts = count_messages(Recording(tmp_path / "run.mcap"), ["lidar_rear"])
+    counts = count_messages(Recording(tmp_path / "here" / "run.mcap"), ["lidar_rear"])
     assert counts["hyrecro/lidar_rear/points"]["received"] == 1
     assert counts["hyrecro/lidar/points"]["received"] == 0

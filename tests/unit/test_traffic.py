@@ -10,8 +10,8 @@ def event(source, seq):
     return Event(stamp_ns=0, seq=seq, frame="", source=source, severity=Severity.INFO, text="")
 
 
-def counts(traffic, dropped=None):
-    return {count.key: count for count in traffic.snapshot(dropped or {})}
+def counts(traffic, dropped=None, lost=None):
+    return {count.key: count for count in traffic.snapshot(dropped or {}, lost or {})}
 
 
 def test_what_was_missed_on_the_way_is_told_from_what_was_dropped_here():
@@ -20,6 +20,14 @@ def test_what_was_missed_on_the_way_is_told_from_what_was_dropped_here():
         traffic.received("k", clock(seq))
     count = counts(traffic, {"k": 2})["k"]
     assert (count.num_received, count.num_missed, count.num_dropped, count.last_seq) == (4, 1, 2, 6)
+
+
+def test_what_came_and_was_lost_then_counts_as_dropped():
+    traffic = Traffic()
+    for seq in (0, 1, 5):
+        traffic.received("k", clock(seq))
+    count = counts(traffic, {"k": 2}, {"k": 1})["k"]
+    assert (count.num_received, count.num_missed, count.num_dropped) == (3, 1, 3)
 
 
 def test_each_source_of_a_shared_key_counts_for_itself():

@@ -10,8 +10,8 @@ from pathlib import Path
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
-from services.recorder.mcap_log import COUNTS_METADATA, RUN_METADATA
-from services.recorder.ros_reading import from_cdr
+from services.recorder.ros.reading import from_cdr
+from services.recorder.tally import COUNTS_METADATA, END_METADATA, INCOMPLETE, RUN_METADATA
 from shared.errors import InputFileError
 from shared.messaging import messages as m
 from shared.messaging.channels import Channel
@@ -19,7 +19,7 @@ from shared.messaging.channels import Channel
 
 @dataclass(frozen=True, slots=True)
 class TopicSummary:
-    """What a recording holds of one topic, and what is known to be missing."""
+    """What a recording holds of one topic, and what is known to be missing: lost on the bus, or to disk."""
 
     topic: str
     num_messages: int
@@ -27,7 +27,7 @@ class TopicSummary:
 
 
 class Recording:
-    """A finished recording.
+    """A file that was closed. state: COMPLETE, or INCOMPLETE where something is known to be missing.
 
     Raises:
         InputFileError: the file is missing, truncated or no recording of this project.
@@ -45,6 +45,7 @@ class Recording:
         if summary is None or summary.statistics is None or RUN_METADATA not in metadata:
             raise InputFileError(f"{path}: not a complete recording of this project")
         self.metadata: dict[str, str] = metadata[RUN_METADATA]
+        self.state = metadata.get(END_METADATA, {}).get("state", INCOMPLETE)
         self._counts = {topic: json.loads(text) for topic, text in metadata.get(COUNTS_METADATA, {}).items()}
         self._statistics = summary.statistics
         self._topics = {channel.topic: id_ for id_, channel in summary.channels.items()}
@@ -58,9 +59,13 @@ class Recording:
         """Every topic, by name."""
         counts = self._statistics.channel_message_counts
         return [
-            TopicSummary(topic, counts.get(id_, 0), int(self._counts.get(topic, {}).get("num_missed", 0)))
+            TopicSummary(topic, counts.get(id_, 0), self._num_missed(topic))
             for topic, id_ in sorted(self._topics.items())
         ]
+
+    def _num_missed(self, topic: str) -> int:
+        counts = self._counts.get(topic, {})
+        return sum(int(counts.get(name, 0)) for name in ("num_lost_on_bus", "num_lost_to_disk"))
 
     def messages(self, *channels: Channel) -> Iterator[m.Message]:
         """The messages of these channels in the order of their time.
@@ -71,7 +76,7 @@ class Recording:
         wanted = {topic: channel for topic in self._topics for channel in channels if _is_topic_of(topic, channel)}
         with self.path.open("rb") as file:
             for _, recorded, record in make_reader(file).iter_messages(topics=list(wanted)):
-                yield from_cdr(wanted[recorded.topic], record.data, record.sequence)
+                yield from_cdr(wanted[recorded.topic], record.data, record.sequence, record.publish_time)
 
 
 def _is_topic_of(topic: str, channel: Channel) -> bool:

@@ -5,6 +5,7 @@ Headers carry the message's own stamp and frame. Commands have no stamp: theirs 
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from services.recorder import ros_schemas as ros, ros_sensors as sensors
+from services.recorder.ros import schemas as ros, sensors
 from shared.errors import MessageError
 from shared.geometry import SE3
 from shared.messaging import messages as m
@@ -84,7 +85,7 @@ def _joint_state(
 
 
 def _joint_target(target: m.JointTarget, stamp_ns: int) -> object:
-    """The wanted duration has no place in a JointState and is not recorded."""
+    """How long it may take and is valid has no place in a JointState and is not recorded."""
     names = m.JOINT_NAMES[: len(target.q)] if target.names is None else target.names
     return _joint_state(ros.header(stamp_ns, ""), names, target.q)
 
@@ -110,7 +111,11 @@ def _foot_target(target: m.FootTarget, stamp_ns: int) -> object:
     return ros.new("geometry_msgs/msg/PoseStamped", header=ros.header(stamp_ns, "world"), pose=ros.pose(pose))
 
 
-def _sim_control(control: m.SimControl, _stamp_ns: int) -> object:
+def _stop(stop: m.Stop, _stamp_ns: int) -> object:
+    return ros.string(stop.text)
+
+
+def _control(control: m.SimControl | m.RecorderControl | m.ReplayControl, _stamp_ns: int) -> object:
     """The JSON that could have been typed."""
     return ros.string(json.dumps({key: value for key, value in to_jsonable(control).items() if value is not None}))
 
@@ -233,6 +238,20 @@ def _tracking_metrics(metrics: m.TrackingMetrics, stamp_ns: int) -> object:
     return ros.own(metrics, stamp_ns, **unknown, num_map_points=metrics.num_map_points or 0)
 
 
+def _recorder_status(status: m.RecorderStatus, stamp_ns: int) -> object:
+    return ros.own(status, stamp_ns, channels=[_channel_record(record) for record in status.channels])
+
+
+def _channel_record(record: m.ChannelRecord) -> object:
+    """What nobody counts is -1."""
+    counts = dataclasses.asdict(record)
+    return ros.new("hyrecro_msgs/msg/ChannelRecord", **counts | {"num_published": _or_minus_one(record.num_published)})
+
+
+def _or_minus_one(count: int | None) -> int:
+    return -1 if count is None else count
+
+
 def _event(event: m.Event, stamp_ns: int) -> object:
     """The key of a refused command stands in `function`, which nothing else here uses."""
     return ros.new(
@@ -275,7 +294,10 @@ ROS_FORMS: Mapping[type[m.Message], RosForm] = {
     m.LegTarget: RosForm("std_msgs/msg/String", _leg_target),
     m.ActuatorTarget: RosForm("sensor_msgs/msg/JointState", _actuator_target),
     m.FootTarget: RosForm("geometry_msgs/msg/PoseStamped", _foot_target),
-    m.SimControl: RosForm("std_msgs/msg/String", _sim_control),
+    m.Stop: RosForm("std_msgs/msg/String", _stop),
+    m.SimControl: RosForm("std_msgs/msg/String", _control),
+    m.RecorderControl: RosForm("std_msgs/msg/String", _control),
+    m.ReplayControl: RosForm("std_msgs/msg/String", _control),
     m.JointState: RosForm("sensor_msgs/msg/JointState", _joints),
     m.ActuatorState: RosForm("sensor_msgs/msg/JointState", _actuators),
     m.LegState: RosForm("hyrecro_msgs/msg/LegState", _leg_state),
@@ -294,6 +316,7 @@ ROS_FORMS: Mapping[type[m.Message], RosForm] = {
     m.PlaneMap: RosForm("hyrecro_msgs/msg/PlaneMap", _plane_map),
     m.MapStatus: RosForm("hyrecro_msgs/msg/MapStatus", _map_status),
     m.TrackingMetrics: RosForm("hyrecro_msgs/msg/TrackingMetrics", _tracking_metrics),
+    m.RecorderStatus: RosForm("hyrecro_msgs/msg/RecorderStatus", _recorder_status),
     m.Event: RosForm("rcl_interfaces/msg/Log", _event),
     m.Health: RosForm("diagnostic_msgs/msg/DiagnosticArray", _health),
 }

@@ -92,6 +92,25 @@ float64 map_accuracy_mean_m
 float64 map_accuracy_p95_m
 int64 num_map_points
 """,
+    "hyrecro_msgs/msg/ChannelRecord": """\
+string key
+int64 num_received
+int64 num_written
+int64 num_lost_on_bus
+int64 num_lost_to_disk
+int64 num_published
+""",
+    "hyrecro_msgs/msg/RecorderStatus": """\
+std_msgs/Header header
+int64 seq
+bool is_recording
+string path
+int64 num_files
+int64 num_bytes
+int64 free_bytes
+string text
+hyrecro_msgs/ChannelRecord[] channels
+""",
 }
 
 
@@ -116,6 +135,12 @@ def schema_text(ros_type: str) -> str:
     if ros_type not in store.fielddefs:
         raise KeyError(f"{ros_type}: no such ROS 2 type; own types are {', '.join(OWN_DEFINITIONS)}")
     return str(store.generate_msgdef(ros_type, ros_version=2)[0])
+
+
+def prepare(ros_type: str) -> None:
+    """Does now what the first message of a type would otherwise wait for: its schema's text, its serializer."""
+    schema_text(ros_type)
+    typestore().get_msgdef(ros_type)
 
 
 def new(ros_type: str, **fields: object) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.recorder import ros_schemas as ros
+from services.recorder.ros import schemas as ros
 from shared.messaging import messages as m
 
 _XYZ = ("x", "y", "z")

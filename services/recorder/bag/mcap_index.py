@@ -1,0 +1,42 @@
+"""The index at the end of an MCAP file, if it is there and whole."""
+
+from __future__ import annotations
+
+import os
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.records import Statistics
+from mcap.summary import Summary
+
+_MAGIC = b"\x89MCAP0\r\n"
+
+
+@dataclass(frozen=True, slots=True)
+class Index:
+    """metadata: by name."""
+
+    summary: Summary
+    statistics: Statistics
+    metadata: dict[str, dict[str, str]]
+
+
+def index_of(path: Path) -> Index | None:
+    """None where the file has none, or a damaged one, or does not exist."""
+    try:
+        with path.open("rb") as file:
+            file.seek(-len(_MAGIC), os.SEEK_END)
+            if file.read() != _MAGIC:
+                return None
+            file.seek(0)
+            reader = make_reader(file, validate_crcs=True)
+            summary = reader.get_summary()
+            metadata = {entry.name: dict(entry.metadata) for entry in reader.iter_metadata()}
+    except (McapError, OSError, ValueError, RuntimeError, MemoryError, LookupError, struct.error):
+        return None
+    if summary is None or summary.statistics is None:
+        return None
+    return Index(summary, summary.statistics, metadata)
