@@ -60,7 +60,7 @@ def _run_pipeline(config: Config, arguments: list[str], folder: Path, is_stoppin
         if is_stopping():
             return False
         _say(f"climbing {config.player.trajectory.name}, recording {folder}/run.mcap")
-        is_finished = play_trajectory(config, lambda: is_stopping() or pipeline.ended_child() is not None)
+        is_finished = play_trajectory(config, lambda: is_stopping() or pipeline.has_failed())
         pipeline.check()
         deadline = time.monotonic() + _SETTLE_S
         while is_finished and time.monotonic() < deadline and not is_stopping():

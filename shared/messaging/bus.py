@@ -25,6 +25,8 @@ _DROP_AFTER_US = 50_000
 _QUEUE_BATCHES = 16
 """Zenoh's largest queue of a link, in batches of 64 KiB; its default is 2."""
 _QUERY_TIMEOUT_S = 2.0
+_RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
+"""How often a router that went away is tried again; Zenoh's own first try is after a second."""
 
 
 class Bus:
@@ -222,6 +224,7 @@ def _client_settings(config: BusConfig) -> zenoh.Config:
     settings.insert_json5("mode", '"client"')
     settings.insert_json5("connect/endpoints", json.dumps([config.endpoint]))
     settings.insert_json5("connect/timeout_ms", str(int(config.connect_timeout_s * 1000)))
+    settings.insert_json5("connect/retry", json.dumps(_RETRY))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
     _set_queues(settings)
