@@ -29,8 +29,8 @@ log = structlog.get_logger()
 class Announcer:
     """A thread with a session of its own, since a router that is away must not hold up the supervisor.
 
-    An event waits until all `services` are back on the bus, or it would be lost with a router that has just come back; at
-    most `_MAX_WAIT_S`.
+    An event waits until all `services` are on the bus, at most `_MAX_WAIT_S`: a router that has just come back reaches
+    nobody yet.
     """
 
     def __init__(self, config: BusConfig, services: Iterable[str]) -> None:
@@ -77,9 +77,9 @@ class Announcer:
             return False
         now_s = time.monotonic()
         self._waits_since_s = self._waits_since_s or now_s
-        if now_s - self._waits_since_s < _MAX_WAIT_S:
-            if not (bus.is_wanted(EVENTS) and self._services <= bus.alive()):
-                return False
+        is_heard = bus.is_wanted(EVENTS) and self._services <= bus.alive()
+        if not is_heard and now_s - self._waits_since_s < _MAX_WAIT_S:
+            return False
         self._waits_since_s = None
         return True
 

@@ -8,8 +8,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
 
-import structlog
-
 from cli.announcer import Announcer
 from shared.errors import HyrecroError
 from shared.messaging.bus import is_reachable
@@ -33,9 +31,6 @@ def services_of(config: Config) -> tuple[dict[str, list[str]], ...]:
     names = ("evaluator", "mapper", "planner", *(["teleop"] if config.teleop.enabled else []))
     others = {name: [f"services.{name}"] for name in names}
     return {"recorder": ["services.recorder"]}, {**others, **sensors}, {"sim": ["services.sim"]}
-
-
-log = structlog.get_logger()
 
 
 class PipelineError(HyrecroError):
@@ -141,7 +136,6 @@ class Pipeline:
         now_s = self._clock.now_s()
         for child in self._children:
             if (comeback := child.step(now_s)) is not None:
-                log.warning(comeback.text, service="supervisor")
                 self._say(Severity.WARNING, comeback.text)
             if child.failure is not None:
                 self._say(Severity.ERROR, child.failure)

@@ -25,11 +25,11 @@ def up(
     config: ConfigOption = DEFAULT_CONFIG,
     set_: SetOption = None,
 ) -> None:
-    """Starts router, simulation, sensors, mapper, evaluator and recorder, keeps them running; Ctrl-C stops all of it."""
+    """Starts router, simulation, sensors, mapper, evaluator, recorder, and keeps them running; Ctrl-C stops all."""
     from cli.pipeline import Pipeline
     from shared.runtime.logs import configure_logs
     from shared.runtime.run_folder import run_folder, run_name
-    from shared.runtime.runner import StopSignal
+    from shared.runtime.stop_signal import StopSignal
 
     set_ = [*(set_ or []), *(["teleop.enabled=true"] if has_page else [])]
     settings = resolved(config, set_)
@@ -96,7 +96,7 @@ def router(endpoint: EndpointOption = None, config: ConfigOption = DEFAULT_CONFI
     """Runs a Zenoh router, on loopback unless told otherwise."""
     from shared.messaging.bus import open_router
     from shared.runtime.notify import Pulse
-    from shared.runtime.runner import StopSignal
+    from shared.runtime.stop_signal import StopSignal
 
     endpoint = endpoint or resolved(config, set_).bus.endpoint
     stop, pulse = StopSignal(), Pulse.from_environment()

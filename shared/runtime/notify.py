@@ -14,7 +14,7 @@ import time
 from collections.abc import MutableMapping
 
 MAX_WORK_S = 30.0
-"""A loop that has been in one piece of work for longer than this counts as stuck: no service works so long on a message."""
+"""A loop that has been in one piece of work for longer counts as stuck: no service works so long on a message."""
 _PULSES_A_LIMIT = 4.5
 """How often a pulse comes in the time after which its absence counts."""
 _MAX_DATAGRAM = 4096
@@ -52,6 +52,11 @@ class Pulse:
         """The loop goes on: called between two pieces of work."""
         self._beaten_s = time.monotonic()
 
+    def pulse(self) -> None:
+        """Says once that it is alive, unless the loop is stuck."""
+        if time.monotonic() - self._beaten_s < MAX_WORK_S:
+            self._send("WATCHDOG=1")
+
     def stopping(self) -> None:
         """The process ends."""
         self._send("STOPPING=1")
@@ -62,8 +67,7 @@ class Pulse:
 
     def _pulsate(self, period_s: float) -> None:
         while True:
-            if time.monotonic() - self._beaten_s < MAX_WORK_S:
-                self._send("WATCHDOG=1")
+            self.pulse()
             time.sleep(period_s)
 
     def _send(self, text: str) -> None:

@@ -49,8 +49,8 @@ class RestartPolicy:
     def failed(self, now_s: float, exit_code: int) -> float | None:
         """The process has ended unasked. Returns when to start it again, or None to give up.
 
-        After `_FORGIVEN_AFTER_S` of health all is forgotten. It is given up after five restarts within a minute, or five
-        in a row that did not make it ready, and at once if its configuration is wrong.
+        After `_FORGIVEN_AFTER_S` of health all is forgotten. It is given up after five restarts within a minute, or
+        five in a row that did not make it ready, and at once if its configuration is wrong.
         """
         if exit_code == Exit.USAGE:
             return None

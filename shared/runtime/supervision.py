@@ -59,8 +59,8 @@ class PatientClock:
 class Supervised:
     """One process, over its restarts.
 
-    name: for people. arguments: of Python. log_path: where it writes; None = to this process's stderr. Must be stepped by
-    the thread that built it, which must live as long as the process shall.
+    name: for people. arguments: of Python. log_path: where it writes; None = to this process's stderr. The thread that
+    builds it must be the one that steps it, and live as long as the process shall.
     """
 
     def __init__(self, name: str, arguments: list[str], now_s: float, *, log_path: Path | None = None) -> None:
@@ -77,6 +77,11 @@ class Supervised:
         self._restart_s = self._failed_s = now_s
         self._reason = ""
         self._start(now_s)
+
+    @property
+    def pid(self) -> int | None:
+        """Of the process that runs now."""
+        return self._process.pid if self._process is not None else None
 
     @property
     def is_ready(self) -> bool:
@@ -103,7 +108,9 @@ class Supervised:
             self._overdue = overdue
             self._process.kill()
         elif self.num_restarts and self._policy.is_ready and not was_ready:
-            return Comeback(self.name, self._reason, now_s - self._failed_s, self.num_restarts)
+            comeback = Comeback(self.name, self._reason, now_s - self._failed_s, self.num_restarts)
+            log.warning(comeback.text, service="supervisor")
+            return comeback
         return None
 
     def stop(self) -> None:
