@@ -62,10 +62,10 @@ def test_any_other_end_is_a_failure(policy, exit_code):
 
 def test_a_pulse_that_stays_away_is_a_frozen_process(policy):
     policy.ready(10.0)
-    assert policy.overdue(10.0 + PULSE_LIMIT_S) is None
+    assert policy.overdue(9.9 + PULSE_LIMIT_S) is None
     policy.pulsed(11.0)
-    assert policy.overdue(11.0 + PULSE_LIMIT_S) is None
-    assert policy.overdue(11.9 + PULSE_LIMIT_S) == "gave no sign of life for 2.7 s"
+    assert policy.overdue(10.9 + PULSE_LIMIT_S) is None
+    assert policy.overdue(11.2 + PULSE_LIMIT_S) == "gave no sign of life for 2.0 s"
 
 
 def test_before_it_is_ready_no_pulse_is_missed_but_the_whole_start_has_a_limit(policy):
