@@ -2,6 +2,7 @@
 
 import re
 import signal
+import sys
 
 import psutil
 import pytest
@@ -11,7 +12,7 @@ from shared.messaging.codec import decode
 from shared.messaging.inbox import Inbox
 from shared.runtime.exit_codes import Exit
 from tests.e2e.conftest import ALL_SERVICES, wait_for_services
-from tests.support.processes import hyrecro_command, service_command, started, wait_until
+from tests.support.processes import hyrecro_command, run, service_command, started, wait_until
 
 pytestmark = pytest.mark.e2e
 
@@ -132,3 +133,12 @@ def test_the_guard_of_a_container_does_the_same(tmp_path):
             wait_for_another(guard, "services.evaluator", evaluator)
             wait_until(lambda: "back after" in (guard.directory / "stderr.txt").read_text(), "the guard's word")
             assert guard.stop(signal.SIGTERM) == Exit.FINE
+
+
+def test_a_guard_gives_up_with_its_services_exit_code():
+    guard = run(sys.executable, "-m", "shared.runtime.guard", "services.evaluator", "--set", "sim.rate_hz=0")
+    assert guard.returncode == Exit.USAGE
+    assert re.search(
+        r"given up: services\.evaluator ended with exit code 2: .*sim\.rate_hz: should be", guard.stderr
+    )
+    assert run(sys.executable, "-m", "shared.runtime.guard").returncode == Exit.USAGE
