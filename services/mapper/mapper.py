@@ -14,6 +14,7 @@ from services.mapper.motion_model import TREND, MotionModel
 from services.mapper.plane_map import plane_map
 from services.mapper.priors.interface import Prior, Step
 from services.mapper.reports import Reports
+from services.mapper.state import MapState, PoseState
 from services.mapper.target import Target
 from services.mapper.tracking import Track
 from shared.depth_points import points_of
@@ -37,6 +38,8 @@ from shared.messaging.sequence import SequenceCounter
 from shared.runtime.config import MapperConfig
 
 MAP_FRAME = "map"
+_KINDS: tuple[type[Message], ...] = (Odometry, MapStatus, PointCloud, PlaneMap)
+"""What is numbered, in the order in which a snapshot counts it."""
 Points = NDArray[np.floating]
 
 
@@ -163,6 +166,40 @@ class Mapper:
     def map_planes(self) -> PlaneMap:
         """The map's planes as they are now; none with methods that know none."""
         return plane_map(self._target.matcher, self._stamp_ns, self._next_seq(PlaneMap), MAP_FRAME)
+
+    # ---- going on after a death
+
+    def pose_snapshot(self) -> PoseState | None:
+        """Where it is and what it has said; None before there is a map."""
+        if (track := self._target.snapshot()) is None:
+            return None
+        last_seq = -1 if self._scans.last_seq is None else self._scans.last_seq
+        return PoseState(
+            stamp_ns=self._stamp_ns,
+            map_period=self._map_period,
+            num_sent=np.array([self._num_sent.get(kind, 0) for kind in _KINDS]),
+            scans=np.array([last_seq, self._scans.num_received, self._scans.num_missed]),
+            track=track,
+            motion=self._motion.snapshot(),
+        )
+
+    def map_snapshot(self) -> MapState | None:
+        """The map; None before there is one."""
+        return self._target.map_snapshot(self._stamp_ns)
+
+    def restore(self, pose: PoseState, known: MapState) -> list[Message]:
+        """Goes on in the map of another that was killed: the next scan is looked for where the legs say, or near.
+
+        Raises:
+            ValueError, RegistrationError: they cannot be states of these settings.
+        """
+        num_sent = dict(zip(_KINDS, pose.num_sent.tolist(), strict=True))
+        self._target.restore(pose.track, known)
+        self._motion.restore(pose.motion)
+        last_seq, num_received, num_missed = pose.scans.tolist()
+        self._scans = SequenceCounter(None if last_seq < 0 else last_seq, num_received, num_missed)
+        self._num_sent, self._stamp_ns, self._map_period = num_sent, pose.stamp_ns, pose.map_period
+        return [self._reports.restored(pose.stamp_ns, pose.stamp_ns - known.stamp_ns, self._target.num_points)]
 
     @property
     def target(self) -> Target:

@@ -55,6 +55,12 @@ class DynamicBody:
         self._slip = slip
         self.links = self._physics.engine.links
         self.effort: Joints | None = None
+        self._fixed_foot: Foot
+        self._wrenches: dict[Foot, NDArray[np.float64]]
+        self._hold_poses: dict[Foot, SE3]
+        self._path: list[SE3]
+        self._release_ns: int | None
+        self._news: list[str]
         self.reset()
 
     def reset(self) -> None:
@@ -66,7 +72,7 @@ class DynamicBody:
     def snapshot(self) -> BodyState:
         """Where the feet are held, or the fixed one is, and the joints."""
         held = self._hold_poses
-        T_world_foot = held[self._fixed_foot] if self._fixed_foot in held else self.T_world_foot
+        T_world_foot = held.get(self._fixed_foot) or self.T_world_foot
         return BodyState(
             q=self.q,
             fixed_foot=self._fixed_foot,
@@ -86,7 +92,7 @@ class DynamicBody:
             self._release_ns = stamp_ns + self._overlap_ns
         elif self._fixed_foot in self._hold_poses:
             self._draw_flush(self._fixed_foot)
-        self._news: list[str] = []
+        self._news = []
         self._read_joints()
 
     def resting_q(self) -> Joints:
@@ -155,10 +161,7 @@ class DynamicBody:
         self._fixed_foot = foot
         self._physics.place(foot, T_world_foot, q)
         self._setpoint.reset(q)
-        self._wrenches: dict[Foot, NDArray[np.float64]] = {}
-        self._hold_poses: dict[Foot, SE3] = {}
-        self._path: list[SE3] = []
-        self._release_ns: int | None = None
+        self._wrenches, self._hold_poses, self._path, self._release_ns = {}, {}, [], None
 
     def _take_hold(self, foot: Foot, T_foot_slipped: SE3) -> list[str]:
         T_world_foot = self._physics.T_world_foot(foot)

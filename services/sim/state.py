@@ -22,7 +22,7 @@ Slides = Annotated[NDArray[np.float64], Array("float64", (2,))]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BodyState(Message):
-    """q (8,): true joint positions. T_world_foot: the fixed foot's plate. holding: feet that hold, held at T_world_held.
+    """q (8,): true joint positions. T_world_foot: the fixed foot's plate. holding: feet that are held at T_world_held.
 
     is_changing: both hold, and the fixed one is going to let go.
     """
