@@ -122,8 +122,9 @@ class PlanesState(Message):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PointsState(Message):
-    """A `PointMatcher`: its target's points_m (K, 3), the voxels they come from where there are some, and near_m (1, 3),
-    where the last keyframe was taken.
+    """A `PointMatcher`: its target's points_m (K, 3), the voxels they come from where there are some.
+
+    near_m (1, 3): where the last keyframe was taken.
     """
 
     points_m: Places

@@ -63,7 +63,7 @@ def with_room(table: VoxelTable, num_more: int, max_slots: int) -> VoxelTable:
 def refilled(
     table: VoxelTable, num_slots: int, keys: NDArray[np.int64], lists: NDArray[np.int32], hits: NDArray[np.int32]
 ) -> VoxelTable:
-    """A table like an empty one with so many slots, a power of 2 above K, and in it the voxels (K,) with their lists."""
+    """A table like an empty one with so many slots, a power of 2, and in it the voxels (K,) and their lists."""
     filled = empty_table(1.0 / float(table.inverse_m[0]), table.lists.shape[1], num_slots)
     _copy(VoxelTable(keys.copy(), lists.copy(), hits.copy(), table.num_used, table.inverse_m), filled)
     return filled
