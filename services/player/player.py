@@ -34,9 +34,9 @@ _WEIGHTS = np.array([_RADIANS_PER_METRE if name in ("q2", "q7") else 1.0 for nam
 class Player:
     """The facade: told of states, it returns the commands that are due then, in simulated time.
 
-    What the robot did not hear, because it, the bus or this process's peers were away, is sent again; where simulated time
-    goes on after a gap, so does the row. Commands are sent `config.rate_hz` times a second; each `MoveTo` is a straight line in joint space from where the
-    robot was when the move began, at `config.speed_radps`, or in `config.num_steps` commands if no speed is set.
+    Commands are sent `config.rate_hz` times a second; each `MoveTo` is a straight line in joint space from where the
+    robot was when the move began, at `config.speed_radps`, or in `config.num_steps` commands if no speed is set. A
+    simulation that was killed and goes on finds the row where it was; what nobody heard is sent again.
 
     Raises (from `add_joint_state`, `add_event` and `stop`):
         PlaybackError: the robot refused a command, fell, or did not reach a target in time; the text names the line.

@@ -35,7 +35,7 @@ class FileSeries:
         open_file: Callable[[Path], Output] = new_file,
         first_file: int = 0,
     ) -> None:
-        """Begins a file, by default the first. metadata: stored at the head of each. kept: by key, from before the start.
+        """Begins file number `first_file`. metadata: stored at the head of each. kept: by key, from before the start.
 
         Raises:
             RecordingError: the disk refuses, or the file exists.
