@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from pathlib import Path
@@ -25,17 +26,22 @@ def up(
     config: ConfigOption = DEFAULT_CONFIG,
     set_: SetOption = None,
 ) -> None:
-    """Starts router, simulation, LiDAR, mapper, evaluator and recorder; Ctrl-C stops all of it."""
+    """Starts router, simulation, sensors, mapper, evaluator, recorder, and keeps them running; Ctrl-C stops all."""
     from cli.pipeline import Pipeline
+    from shared.runtime.logs import configure_logs
     from shared.runtime.run_folder import run_folder, run_name
-    from shared.runtime.runner import StopSignal
+    from shared.runtime.snapshots import state_folder
+    from shared.runtime.stop_signal import StopSignal
 
     set_ = [*(set_ or []), *(["teleop.enabled=true"] if has_page else [])]
     settings = resolved(config, set_)
     name = run_name(settings.recorder)
     stop = StopSignal()
-    arguments = service_arguments(config, [*set_, f"recorder.run={name}"])
-    with Pipeline(settings, arguments) as pipeline:
+    configure_logs(verbosity=-1)
+    with contextlib.ExitStack() as stack:
+        state = stack.enter_context(state_folder(settings.state_directory))
+        arguments = service_arguments(config, [*set_, f"recorder.run={name}", f"state_directory={state}"])
+        pipeline = stack.enter_context(Pipeline(settings, arguments))
         pipeline.start(stop.is_set)
         folder = run_folder(settings.recorder, name)
         if not stop.is_set():
@@ -44,7 +50,7 @@ def up(
         while not stop.is_set():
             pipeline.check()
             time.sleep(0.1)
-    raise typer.Exit(stop.exit_code())
+    raise typer.Exit(pipeline.exit_code or stop.exit_code())
 
 
 def teleop(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None) -> None:
@@ -93,14 +99,18 @@ def simulate(
 def router(endpoint: EndpointOption = None, config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None) -> None:
     """Runs a Zenoh router, on loopback unless told otherwise."""
     from shared.messaging.bus import open_router
-    from shared.runtime.runner import StopSignal
+    from shared.runtime.notify import Pulse
+    from shared.runtime.stop_signal import StopSignal
 
     endpoint = endpoint or resolved(config, set_).bus.endpoint
-    stop = StopSignal()
+    stop, pulse = StopSignal(), Pulse.from_environment()
     with open_router(endpoint):
         print(f"router listens at {endpoint}", file=sys.stderr)
+        pulse.ready()
         while not stop.is_set():
+            pulse.beat()
             time.sleep(0.1)
+        pulse.stopping()
     raise typer.Exit(stop.exit_code())
 
 

@@ -64,6 +64,7 @@ class Recorder:
         self._num_statuses = 0
         self._news = News()
         self._restored: RecorderState | None = None
+        self._wanted: tuple[str, tuple[str, ...]] = "", ()
         self.has_lost = False
 
     # ---- what a node calls
@@ -84,14 +85,13 @@ class Recorder:
 
     def snapshot(self) -> RecorderState:
         """What `restore` needs."""
-        run = self._run
-        is_recording = run is not None and run.is_recording
+        name, patterns = self._wanted
         return RecorderState(
             configured=self._config.run,
-            run=run.name if run is not None and is_recording else "",
-            channels=run.selection.patterns if run is not None else (),
+            run=name,
+            channels=patterns,
             num_statuses=self._num_statuses,
-            has_lost=self.has_lost or is_recording,
+            has_lost=self.has_lost or bool(name),
         )
 
     def restore(self, state: RecorderState) -> list[Message]:
@@ -134,6 +134,7 @@ class Recorder:
                 reason = self._run.text if self._run else ""
                 raise RefusedError(f"nothing is being recorded: {reason}" if reason else "nothing is being recorded")
             self._end(_MAX_STOP_S)
+            self._wanted = "", ()
             return self.tick()
         if self._run is not None and self._run.is_recording:
             raise RefusedError(f"{self._run.path} is being recorded: stop it first")
@@ -178,6 +179,7 @@ class Recorder:
             self._config, folder, self._channels, Selection(patterns), self._metadata, self._kept, first_file
         )
         self._news = News()
+        self._wanted = name, patterns
 
     def _end(self, max_wait_s: float) -> None:
         run = self._run

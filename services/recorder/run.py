@@ -53,11 +53,6 @@ class Run:
         self._end_text = ""
 
     @property
-    def name(self) -> str:
-        """Of the run."""
-        return self._folder.name
-
-    @property
     def is_open(self) -> bool:
         """Whether it has not been closed: what comes is written, or counted as lost."""
         return self._final_outstanding is None

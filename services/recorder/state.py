@@ -9,7 +9,7 @@ from shared.messaging.messages import Message
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecorderState(Message):
-    """configured: the setting recorder.run under which it ran. run: "" while nothing is recorded; channels: patterns.
+    """configured: the setting recorder.run under which it ran. run: "" where nothing shall be recorded; channels: patterns.
 
     num_statuses: that it has said.
     """

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import zenoh
 
 from shared.errors import BusError, RefusedError
-from shared.messaging.channels import ALIVE, PUBLISHED, Channel, Delivery
+from shared.messaging.channels import ALIVE, PREFIX, PUBLISHED, Channel, Delivery
 from shared.messaging.codec import MIME, decode, encode, schema_of
 from shared.messaging.inbox import Inbox, Parcel
 from shared.messaging.messages import Message
@@ -25,6 +25,8 @@ _DROP_AFTER_US = 50_000
 _QUEUE_BATCHES = 16
 """Zenoh's largest queue of a link, in batches of 64 KiB; its default is 2."""
 _QUERY_TIMEOUT_S = 2.0
+_RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
+"""How often a router that went away is tried again; Zenoh's own first try is after a second."""
 
 
 class Bus:
@@ -55,11 +57,11 @@ class Bus:
             encoding=f"{MIME};{schema_of(channel.message)}",
             congestion_control=congestion.DROP if is_latest else congestion.BLOCK,
         )
-        self._hold(PUBLISHED.replace("**", channel.key))
         if channel.is_kept:
             self._declared.append(
                 self._session.declare_queryable(channel.key_expr, lambda query: self._answer_kept(channel, query))
             )
+        self._hold(PUBLISHED.replace("**", channel.key))  # last: who sees it asks
 
     def publish(self, channel: Channel, message: Message) -> None:
         """Sends a message on an advertised channel."""
@@ -77,6 +79,8 @@ class Bus:
     def subscribe(self, channel: Channel, inbox: Inbox, *, is_observer: bool = False) -> None:
         """Lets what comes on the channel into the inbox: messages, commands as queries, and the last kept message.
 
+        A publisher of a kept channel is asked for it when it is seen: at once, when it comes later, and when the router
+        is back that was away.
         is_observer: commands that come as queries are seen, but their answer is left to who carries them out.
         """
 
@@ -91,14 +95,14 @@ class Bus:
                     lambda query: _take_query(channel, query, inbox, is_observer=is_observer),
                 )
             )
-        if channel.is_kept and channel.delivery is Delivery.EVERY:
-
-            def on_reply(reply: zenoh.Reply) -> None:
-                if (sample := reply.ok) is not None:
-                    key = str(sample.key_expr)
-                    inbox.put(_parcel(channel, key, sample.payload, sample.encoding, is_replay=True))
-
-            self._session.get(channel.key_expr, on_reply, timeout=_QUERY_TIMEOUT_S)
+        if channel.is_kept:
+            self._declared.append(
+                self._session.liveliness().declare_subscriber(
+                    PUBLISHED.replace("**", channel.key),
+                    lambda token: self._ask_kept(channel, token, inbox),
+                    history=True,
+                )
+            )
 
     def announce(self, name: str) -> None:
         """Holds the liveliness token of this service until the bus is closed."""
@@ -162,6 +166,17 @@ class Bus:
         replies = self._session.liveliness().get(stem + "**", timeout=timeout_s)
         return {str(reply.ok.key_expr).partition(stem)[2] for reply in replies if reply.ok is not None}
 
+    def _ask_kept(self, channel: Channel, token: zenoh.Sample, inbox: Inbox) -> None:
+        def on_reply(reply: zenoh.Reply) -> None:
+            if (sample := reply.ok) is not None:
+                key = str(sample.key_expr)
+                inbox.put(_parcel(channel, key, sample.payload, sample.encoding, is_replay=True))
+
+        if token.kind == zenoh.SampleKind.PUT:
+            key = str(token.key_expr).partition(PUBLISHED.removesuffix("**"))[2]
+            with contextlib.suppress(zenoh.ZError):  # the session is being closed
+                self._session.get(PREFIX + key, on_reply, timeout=_QUERY_TIMEOUT_S)
+
     def _answer_kept(self, channel: Channel, query: zenoh.Query) -> None:
         with query:
             if (kept := self._kept.get(channel.key)) is not None:
@@ -222,6 +237,7 @@ def _client_settings(config: BusConfig) -> zenoh.Config:
     settings.insert_json5("mode", '"client"')
     settings.insert_json5("connect/endpoints", json.dumps([config.endpoint]))
     settings.insert_json5("connect/timeout_ms", str(int(config.connect_timeout_s * 1000)))
+    settings.insert_json5("connect/retry", json.dumps(_RETRY))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
     _set_queues(settings)

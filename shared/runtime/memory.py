@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-
-import structlog
+from pathlib import Path
 
 from shared.errors import HyrecroError, SnapshotError
 from shared.messaging.messages import Event, Message, Severity
-from shared.runtime.node import Addressed, Memory, Part
+from shared.runtime.node import Addressed, Memory, Node, Part
 from shared.runtime.snapshots import Snapshots
-
-log = structlog.get_logger()
 
 _LEAST_PERIOD = 50
 """A part that is not kept at once is kept at most so often that it takes a fiftieth of the time."""
+
+
+def keeper_of(node: Node, folder: Path | None, settings: str) -> Keeper | None:
+    """Of a node that wants to remember something, where there is a folder for it."""
+    if node.memory is None or folder is None:
+        return None
+    return Keeper(node.memory, Snapshots(folder, node.name, settings), node.name)
 
 
 class Keeper:

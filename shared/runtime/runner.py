@@ -5,13 +5,11 @@ from __future__ import annotations
 import argparse
 import logging
 import os
-import signal
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import FrameType
 
 import psutil
 import structlog
@@ -35,9 +33,11 @@ from shared.runtime.config_loading import DEFAULT_CONFIG, load_config
 from shared.runtime.exit_codes import Exit
 from shared.runtime.health import Traffic
 from shared.runtime.logs import configure_logs
-from shared.runtime.memory import Keeper
+from shared.runtime.memory import Keeper, keeper_of
 from shared.runtime.node import Addressed, Context, Messages, Node
-from shared.runtime.snapshots import Snapshots, settings_of
+from shared.runtime.notify import Pulse
+from shared.runtime.snapshots import settings_of
+from shared.runtime.stop_signal import StopSignal
 
 log = structlog.get_logger()
 
@@ -58,27 +58,21 @@ def run_service(name: str, build_node: BuildNode, arguments: argparse.Namespace 
     arguments = service_parser(name).parse_args() if arguments is None else arguments
     configure_logs(verbosity=arguments.verbosity, is_json=arguments.log_json)
     structlog.contextvars.bind_contextvars(service=name)
-    stop = StopSignal()
+    stop, pulse = StopSignal(), Pulse.from_environment()
     context = Context(clock_ns=time.monotonic_ns)
     exit_code = Exit.FINE
     try:
         config = load_config(arguments.config, arguments.set, os.environ)
         node = build_node(config, context)
-        run_node(node, config, context, stop.is_set)
+        run_node(node, config, context, stop.is_set, pulse)
         exit_code = node.exit_code()
-    except ConfigError as error:
-        _complain(name, f"the configuration is not usable:\n{error}")
-        sys.exit(Exit.USAGE)
-    except InputFileError as error:
-        _complain(name, str(error))
-        sys.exit(Exit.USAGE)
-    except StoppedError as error:
-        _complain(name, str(error))
-        sys.exit(Exit.PARTIAL)
     except HyrecroError as error:
-        if not stop.is_set():
-            _complain(name, str(error))
-            sys.exit(Exit.FAILED)
+        if isinstance(error, ConfigError | InputFileError | StoppedError) or not stop.is_set():
+            _complain(name, error, pulse)
+            sys.exit(_exit_code_of(error))
+    except Exception as error:
+        pulse.status(f"{type(error).__name__}: {error}")
+        raise
     sys.exit(stop.exit_code() or exit_code)
 
 
@@ -93,40 +87,10 @@ def service_parser(name: str) -> argparse.ArgumentParser:
     return parser
 
 
-class StopSignal:
-    """Remembers the first SIGTERM or SIGINT; a further Ctrl-C ends the process at once.
-
-    SIGTERM may come several times: the kernel sends it once for each dying thread of a parent that was killed.
-    As a context manager it gives the signals back to whoever had them before.
-    """
-
-    def __init__(self) -> None:
-        self.signum: int | None = None
-        self._before = {signum: signal.signal(signum, self._on_signal) for signum in (signal.SIGTERM, signal.SIGINT)}
-
-    def __enter__(self) -> StopSignal:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for signum, handler in self._before.items():
-            signal.signal(signum, handler)
-
-    def is_set(self) -> bool:
-        """Whether the process shall end."""
-        return self.signum is not None
-
-    def exit_code(self) -> Exit:
-        """130 after Ctrl-C, 0 after SIGTERM."""
-        return Exit.INTERRUPTED if self.signum == signal.SIGINT else Exit.FINE
-
-    def _on_signal(self, signum: int, _frame: FrameType | None) -> None:
-        if self.signum is not None and signum == signal.SIGINT:
-            os._exit(Exit.INTERRUPTED)
-        self.signum = signum if self.signum is None else self.signum
-
-
-def run_node(node: Node, config: Config, context: Context, is_stopping: Callable[[], bool]) -> None:
-    """Connects a node to the bus and serves until it is done or `is_stopping`.
+def run_node(
+    node: Node, config: Config, context: Context, is_stopping: Callable[[], bool], pulse: Pulse | None = None
+) -> None:
+    """Connects a node to the bus and serves until it is done or `is_stopping`. pulse: what a supervisor hears.
 
     Raises:
         BusError: the router cannot be reached.
@@ -134,26 +98,36 @@ def run_node(node: Node, config: Config, context: Context, is_stopping: Callable
     max_bytes = config.recorder.max_queue_mib * 1024 * 1024 if node.is_observer else None
     with Bus(config.bus, is_stopping=is_stopping) as bus:
         context.is_wanted = bus.is_wanted
-        ServiceLoop(node, bus, context, Inbox(max_bytes=max_bytes), _keeper(node, config)).run(is_stopping)
+        keeper = keeper_of(node, config.state_directory, settings_of(config))
+        ServiceLoop(node, bus, context, Inbox(max_bytes=max_bytes), pulse, keeper).run(is_stopping)
 
 
-def _keeper(node: Node, config: Config) -> Keeper | None:
-    folder = config.state_directory
-    if node.memory is None or folder is None:
-        return None
-    return Keeper(node.memory, Snapshots(folder, node.name, settings_of(config)), node.name)
-
-
-def _complain(name: str, text: str) -> None:
+def _complain(name: str, error: HyrecroError, pulse: Pulse) -> None:
+    text = f"the configuration is not usable:\n{error}" if isinstance(error, ConfigError) else str(error)
+    pulse.status(text)
     print(f"{name}: {text}", file=sys.stderr)
+
+
+def _exit_code_of(error: HyrecroError) -> Exit:
+    if isinstance(error, ConfigError | InputFileError):
+        return Exit.USAGE
+    return Exit.PARTIAL if isinstance(error, StoppedError) else Exit.FAILED
 
 
 class ServiceLoop:
     """Takes parcels from the inbox, gives messages to the node, sends what it returns; keeps timer and heartbeat."""
 
-    def __init__(self, node: Node, bus: Bus, context: Context, inbox: Inbox, keeper: Keeper | None = None) -> None:
+    def __init__(
+        self,
+        node: Node,
+        bus: Bus,
+        context: Context,
+        inbox: Inbox,
+        pulse: Pulse | None = None,
+        keeper: Keeper | None = None,
+    ) -> None:
         self._node, self._bus, self._context, self._inbox = node, bus, context, inbox
-        self._keeper = keeper
+        self._pulse, self._keeper = pulse or Pulse(), keeper
         self._traffic = Traffic()
         self._routes: dict[type[Message], Channel] = {channel.message: channel for channel in node.outputs}
         self._routes |= {Event: EVENTS, Health: HEALTH.of(node.name)}
@@ -174,11 +148,13 @@ class ServiceLoop:
         try:
             self._send([*node.on_start(), *recalled])
             self._bus.announce(node.name)
+            self._pulse.ready()
             log.info("ready")
             self._serve(is_stopping)
             if node.is_observer:
                 self._drain()
         finally:
+            self._pulse.stopping()
             self._send(node.on_stop())
             self._send_health()
             log.info("stopped")
@@ -186,6 +162,7 @@ class ServiceLoop:
     def _serve(self, is_stopping: Callable[[], bool]) -> None:
         due_s = time.monotonic()
         while not (is_stopping() or self._node.is_done()):
+            self._pulse.beat()
             now_s, period_s = time.monotonic(), self._timer_period_s()
             if period_s is not None and now_s >= due_s:
                 self._timed(lambda: self._send(self._node.on_timer()))

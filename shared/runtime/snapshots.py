@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 
 import msgpack
 
-from shared.errors import CodecError, SnapshotError
+from shared.errors import CodecError, InputFileError, SnapshotError
 from shared.messaging.codec import decode, encode, schema_of
 from shared.messaging.messages import Message
 from shared.runtime.config import Config
@@ -91,11 +91,21 @@ def settings_of(config: Config) -> str:
 
 
 @contextmanager
-def fresh_folder() -> Iterator[Path]:
-    """A folder for the state of one run, in memory where the system has such a place; it is gone afterwards.
+def state_folder(chosen: Path | None) -> Iterator[Path]:
+    """A folder for the state of one run: the chosen one, which stays, or one in memory, which is gone afterwards.
 
-    What launchers left that were killed is removed, too: who lives holds a lock in its folder.
+    What launchers left there that were killed is removed, too: who lives holds a lock in its folder.
+
+    Raises:
+        InputFileError: the chosen folder cannot be made.
     """
+    if chosen is not None:
+        try:
+            chosen.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputFileError(f"state_directory {chosen}: {error.strerror or error}") from error
+        yield chosen
+        return
     place = _MEMORY if os.access(_MEMORY, os.W_OK) else Path(tempfile.gettempdir())
     for left in place.glob(f"{_PREFIX}*"):
         _remove_if_abandoned(left)

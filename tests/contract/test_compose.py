@@ -39,6 +39,13 @@ def test_each_service_is_watched_and_restarted(name):
     assert OWN[name]["healthcheck"]["test"] == ["CMD", "hyrecro", "doctor", "--alive", name]
 
 
+def test_a_guard_keeps_each_service_running_but_no_climb_begins_again():
+    dockerfile = (ROOT / "Dockerfile").read_text()
+    assert 'ENTRYPOINT ["python", "-m", "shared.runtime.guard"]' in dockerfile
+    assert {name for name, service in OWN.items() if "entrypoint" in service} == {"player"}
+    assert OWN["player"]["entrypoint"] == ["python", "-m"]
+
+
 def test_the_router_has_the_clients_version_and_listens_on_loopback():
     router = COMPOSE["services"]["router"]
     assert router["image"] == f"eclipse/zenoh:{version('eclipse-zenoh')}"
