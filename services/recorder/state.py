@@ -9,9 +9,9 @@ from shared.messaging.messages import Message
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecorderState(Message):
-    """configured: the setting recorder.run under which it ran. run: "" where nothing shall be recorded; channels: patterns.
+    """run: "" where nothing shall be recorded; channels: patterns. num_statuses: that it has said.
 
-    num_statuses: that it has said.
+    configured: the setting recorder.run under which it ran.
     """
 
     configured: str

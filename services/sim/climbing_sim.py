@@ -304,4 +304,3 @@ class ClimbingSim:
 def _generators(seed: int) -> list[np.random.Generator]:
     """One each for the encoders and the slips, so that neither's draws disturb the other's."""
     return np.random.default_rng(seed).spawn(2)
-
