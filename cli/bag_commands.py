@@ -117,7 +117,8 @@ def _verified_folder(folder: Path, is_json: bool) -> bool:
         files = run_files(folder)
         verifications = []
         for number, path in enumerate(files):
-            verifications.append(verified(path, lambda share, n=number: on_progress((n + share) / len(files) / 2)))
+            on_progress(number / len(files) / 2)
+            verifications.append(verified(path))
         balance = balance_of(folder, lambda share: on_progress(0.5 + share / 2))
     _say(
         folder_verification_json(balance, verifications),

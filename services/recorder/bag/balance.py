@@ -16,7 +16,7 @@ from services.recorder.bus_counts import BusCounts
 from services.recorder.rotation import file_name, num_files_in
 from services.recorder.tally import COMPLETE, INCOMPLETE
 from shared.errors import InputFileError
-from shared.messaging.channels import EVENTS, PREFIX
+from shared.messaging.channels import EVENTS
 from shared.messaging.messages import Event, Health
 
 
@@ -98,35 +98,36 @@ class _Count:
         self._num_repeated: Counter[str] = Counter()
         self._num_missing: Counter[str] = Counter()
         self._commands: set[str] = set()
+        self._topics: dict[str, str] = {}
 
     def add(self, recorded: Recorded) -> None:
-        key, topic = recorded.channel.key, recorded.channel.topic
+        key = recorded.channel.key
+        self._topics[key] = recorded.channel.topic
         if recorded.channel.is_command:
-            self._commands.add(topic)
-            self._num_messages[topic] += 1
+            self._commands.add(key)
+            self._num_messages[key] += 1
             return
         source = _source_of(recorded)
         number = recorded.seq, recorded.stamp_ns
         if self._last.get((key, source)) == number:
-            self._num_repeated[topic] += 1
+            self._num_repeated[key] += 1
             return
         self._last[key, source] = number
-        self._num_messages[topic] += 1
-        self._num_missing[topic] += self._bus.took(key, source, recorded.seq)
+        self._num_messages[key] += 1
+        self._num_missing[key] += self._bus.took(key, source, recorded.seq)
         if recorded.channel.message is Health:
             self._hear(recorded)
 
     def topics(self) -> tuple[TopicBalance, ...]:
         outstanding = self._bus.outstanding()
-        topics = {topic: 0 for topic in self._num_messages} | {"/" + key: num for key, num in outstanding.items()}
         return tuple(
             TopicBalance(
                 topic,
-                self._num_messages[topic],
-                self._num_repeated[topic],
-                None if topic in self._commands else self._num_missing[topic] + num,
+                self._num_messages[key],
+                self._num_repeated[key],
+                None if key in self._commands else self._num_missing[key] + outstanding[key],
             )
-            for topic, num in sorted(topics.items())
+            for key, topic in sorted(self._topics.items())
         )
 
     def _hear(self, recorded: Recorded) -> None:
