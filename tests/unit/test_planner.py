@@ -299,7 +299,7 @@ def test_a_foot_that_nobody_fixed_is_asked_for_again(robot):
     robot.take(robot.planner.add_foot_target(NEXT))
     robot.run()
     robot.leg_targets.clear()
-    target = at((-0.4, 0, 0), UP)
+    target = at((0.1, 0, 0), UP)
     said = []
     planner = robot.planner
     planner.add_foot_target(FootTarget(foot=Foot.A, point_m=target.point_m, normal=target.normal))

@@ -184,7 +184,7 @@ def test_it_goes_on_where_it_was_when_the_simulation_was_away_and_halted():
 
 def test_a_robot_whose_player_vanished_stands_within_a_period():
     with running() as sim:
-        player = Player(CONFIG, (MoveTo(np.full(8, 0.04), line=2),))
+        player = Player(CONFIG, (MoveTo(np.full(8, 0.02), line=2),))
         messages = sim.start()
         for _ in range(15):
             for message in messages:
@@ -194,7 +194,7 @@ def test_a_robot_whose_player_vanished_stands_within_a_period():
                     sim.set_joint_target(command)
             messages = sim.step()
         moving = last(JointState, run(sim, 0.01))
-        assert np.abs(moving.dq).max() > 0.04
+        assert np.abs(moving.dq).max() > 0.02
         still = last(JointState, run(sim, 0.1))
         assert np.abs(still.dq).max() == 0.0
         assert np.array_equal(last(JointState, run(sim, 5.0)).q, still.q)
