@@ -1,8 +1,8 @@
 """Kills and freezes processes of a pipeline at random moments while it climbs, and looks at what becomes of the run.
 
 `python -m bench.faults --kills 50` plays the climb on a pipeline of `hyrecro up`. In turn, in an order and at moments
-drawn by the seed, each process gets SIGKILL or SIGSTOP; it is measured how long it takes until every process is alive and
-scans, poses and joint states flow again. In the end the recording is read: see `faults_scoring`.
+drawn by the seed, each process gets SIGKILL or SIGSTOP; it is measured how long it takes until every process is alive
+and scans, poses and joint states flow again. In the end the recording is read: see `faults_scoring`.
 """
 
 from __future__ import annotations
