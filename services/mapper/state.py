@@ -18,7 +18,7 @@ Matrix = Annotated[NDArray[np.float64], Array("float64", (4, 4))]
 Matrices = Annotated[NDArray[np.float64], Array("float64", ("K", 4, 4))]
 Integers = Annotated[NDArray[np.int64], Array("int64", ("K",))]
 Counts = Annotated[NDArray[np.int32], Array("int32", ("K",))]
-Lists = Annotated[NDArray[np.int32], Array("int32", ("K", "L"))]
+Lists = Annotated[NDArray[np.int32], Array("int32", ("L",))]
 Planes = Annotated[NDArray[np.float64], Array("float64", ("K", 4))]
 Places = Annotated[NDArray[np.float64], Array("float64", ("K", 3))]
 Moments = Annotated[NDArray[np.float64], Array("float64", ("K", 10))]
@@ -95,7 +95,7 @@ class VoxelsState(Message):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TableState(Message):
-    """A `VoxelTable` of planes: the slots in use alone. num_slots: of the whole table."""
+    """A `VoxelTable` of planes: the slots in use alone, their lists one after the other. num_slots: of the table."""
 
     keys: Integers
     lists: Lists

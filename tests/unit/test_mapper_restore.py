@@ -104,7 +104,7 @@ def test_a_table_that_points_beyond_its_patches_is_refused():
     killed.start(scan(0).points_m, SE3.identity())
     state = killed.snapshot()
     lists = state.planes.narrow.lists.copy()
-    lists[0, 0] = 2 * len(state.planes.planes)
+    lists[0] = 2 * len(state.planes.planes)
     wrong = replace(state, planes=replace(state.planes, narrow=replace(state.planes.narrow, lists=lists)))
     with pytest.raises(ValueError, match="does not fit"):
         PlaneMatcher(MapperConfig()).restore(wrong)

@@ -12,7 +12,7 @@ from services.mapper.state import PlanesState, TableState
 def table_state(table: VoxelTable) -> TableState:
     """The slots in use."""
     used = np.flatnonzero(table.keys >= 0)
-    return TableState(keys=table.keys[used], lists=table.lists[used], hits=table.hits[used], num_slots=len(table.keys))
+    return TableState(keys=table.keys[used], lists=table.lists[used].ravel(), hits=table.hits[used], num_slots=len(table.keys))
 
 
 def patch_map_of(state: PlanesState, max_patches: int) -> PatchMap:
@@ -41,8 +41,9 @@ def patch_map_of(state: PlanesState, max_patches: int) -> PatchMap:
 def _table(empty: VoxelTable, state: TableState, num_patches: int) -> VoxelTable:
     num_slots = state.num_slots
     is_size = num_slots & (num_slots - 1) == 0 and 2 <= num_slots <= MAX_SLOTS and len(state.keys) < num_slots
-    is_lists = state.lists.shape == (len(state.keys), empty.lists.shape[1])
+    is_lists = state.lists.shape == (len(state.keys) * empty.lists.shape[1],)
     is_known = len(state.lists) == 0 or (int(state.lists.min()) >= -1 and int(state.lists.max()) < 2 * num_patches)
     if not (is_size and is_lists and is_known and (state.keys >= 0).all()):
         raise ValueError("a table of voxels does not fit its patches")
-    return refilled(empty, num_slots, state.keys, state.lists, state.hits)
+    lists = state.lists.reshape(-1, empty.lists.shape[1])
+    return refilled(empty, num_slots, state.keys, lists, state.hits)
