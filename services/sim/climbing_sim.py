@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from services.sim.actuation import actuator_geometry, actuator_motion
-from services.sim.building import build_body, check_robot
+from services.sim.building import build_body, check_robot, generators
 from services.sim.encoders import Encoders
 from services.sim.link_tree import WORLD_FRAME, LinkTree
 from services.sim.motion import JointMotion, plan_motion
@@ -93,7 +93,7 @@ class ClimbingSim:
         self._strokes = StrokeWatch(self._actuators)
         self._time = SimTime(config.rate_hz, config.real_time_factor)
         self._numbering = Numbering()
-        encoder_rng, slip_rng = _generators(seed)
+        encoder_rng, slip_rng = generators(seed)
         self._encoders = Encoders(config.encoders, encoder_rng)
         self._slip = Slip(config.slip, slip_rng)
         self._body = build_body(config, urdf_text, model, structure, self._slip)
@@ -133,8 +133,8 @@ class ClimbingSim:
         self._body.restore(state.body, self._time.stamp_ns)
         self._deaf_until_ns = state.deaf_until_ns
         self._stop(state.slides)
-        foot, stamp_s = state.body.fixed_foot.value, self._time.stamp_ns / 1e9
-        return [*self._events([f"restored at {stamp_s:.2f} s: foot {foot} is fixed, the joints stand where they were"])]
+        where = f"foot {state.body.fixed_foot.value} is fixed, the joints stand where they were"
+        return [*self._events([f"restored at {self._time.stamp_ns / 1e9:.2f} s: {where}"])]
 
     def start(self) -> list[Message]:
         """The descriptions and the first states: at time zero, or where it goes on."""
@@ -218,7 +218,7 @@ class ClimbingSim:
 
     def _reseed(self, seed: int) -> None:
         """New noise, and new biases: the joints stop where they are, which the drives now know as another place."""
-        encoder_rng, slip_rng = _generators(seed)
+        encoder_rng, slip_rng = generators(seed)
         self._encoders = Encoders(self._config.encoders, encoder_rng)
         self._slip.reseed(slip_rng)
         self._halt()
@@ -299,8 +299,3 @@ class ClimbingSim:
 
     def _stamped(self, kind: type[M], frame: str, **fields: Any) -> M:
         return self._numbering.stamped(kind, self._time.stamp_ns, frame, **fields)
-
-
-def _generators(seed: int) -> list[np.random.Generator]:
-    """One each for the encoders and the slips, so that neither's draws disturb the other's."""
-    return np.random.default_rng(seed).spawn(2)

@@ -12,7 +12,8 @@ from services.mapper.state import PlanesState, TableState
 def table_state(table: VoxelTable) -> TableState:
     """The slots in use."""
     used = np.flatnonzero(table.keys >= 0)
-    return TableState(keys=table.keys[used], lists=table.lists[used].ravel(), hits=table.hits[used], num_slots=len(table.keys))
+    lists, hits = table.lists[used].ravel(), table.hits[used]
+    return TableState(keys=table.keys[used], lists=lists, hits=hits, num_slots=len(table.keys))
 
 
 def patch_map_of(state: PlanesState, max_patches: int) -> PatchMap:
