@@ -10,7 +10,7 @@ import numpy as np
 from services.sim.actuation import actuator_geometry, actuator_motion
 from services.sim.building import build_body, check_robot, generators
 from services.sim.encoders import Encoders
-from services.sim.link_tree import WORLD_FRAME, LinkTree
+from services.sim.link_tree import FIXED_FOOT_FRAME, WORLD_FRAME, LinkTree
 from services.sim.motion import JointMotion, plan_motion
 from services.sim.numbering import Numbering
 from services.sim.sim_time import SimTime
@@ -50,9 +50,6 @@ from shared.world.structure import Structure
 from shared.world.urdf_format import structure_urdf
 
 M = TypeVar("M", bound=Measurement)
-
-FIXED_FOOT_FRAME = "fixed_foot"
-"""Follows the plate of whichever foot is fixed."""
 
 _DEAF_NS = 200_000_000
 """Targets that come so soon after a stop were sent before their commander knew of it."""
