@@ -40,6 +40,9 @@ class Announcer:
         self._stamp_ns = 0
         self._is_closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="announcer", daemon=True)
+
+    def start(self) -> None:
+        """To be called when the recorder is ready: what is said before goes out then."""
         self._thread.start()
 
     def say(self, severity: Severity, text: str) -> None:
@@ -49,7 +52,8 @@ class Announcer:
     def close(self) -> None:
         """Sends what still waits."""
         self._is_closing.set()
-        self._thread.join(_CLOSE_TIMEOUT_S)
+        if self._thread.is_alive():
+            self._thread.join(_CLOSE_TIMEOUT_S)
 
     def _run(self) -> None:
         try:

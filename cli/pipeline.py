@@ -45,10 +45,15 @@ class Pipeline:
     """
 
     def __init__(self, config: Config, arguments: list[str], *, logs_dir: Path | None = None) -> None:
-        self._config, self._arguments, self._logs_dir = config, arguments, logs_dir
+        self._endpoint, self._logs_dir = config.bus.endpoint, logs_dir
         self._children: list[Supervised] = []
         self._clock = PatientClock()
-        self._announcer: Announcer | None = None
+        services = services_of(config)
+        self._groups = [
+            {"router": ["cli.main", "router", "--endpoint", config.bus.endpoint]},
+            *({name: [*command, *arguments] for name, command in group.items()} for group in services),
+        ]
+        self._announcer = Announcer(config.bus, [name for group in services for name in group])
         self._is_up, self._is_stopping = threading.Event(), threading.Event()
         self._pool = ThreadPoolExecutor(1, "supervisor")
         self._supervision: Future[None] | None = None
@@ -61,9 +66,10 @@ class Pipeline:
         Raises:
             PipelineError: the endpoint is taken, or a service was given up.
         """
-        endpoint = self._config.bus.endpoint
-        if endpoint.startswith("tcp/") and is_reachable(endpoint):
-            raise PipelineError(f"{endpoint} is taken: is another pipeline running? Set bus.endpoint to use another")
+        if self._endpoint.startswith("tcp/") and is_reachable(self._endpoint):
+            raise PipelineError(
+                f"{self._endpoint} is taken: is another pipeline running? Set bus.endpoint to use another"
+            )
         self._supervision = self._pool.submit(self._supervise, on_ready)
         while not (self._is_up.wait(POLL_S) or is_stopping()):
             self.check()
@@ -98,21 +104,18 @@ class Pipeline:
     # ---- what the supervising thread does
 
     def _supervise(self, on_ready: Callable[[str], None]) -> None:
-        config = self._config
         try:
-            self._start_group({"router": ["cli.main", "router", "--endpoint", config.bus.endpoint]}, on_ready)
-            groups = services_of(config)
-            self._announcer = Announcer(config.bus, [name for group in groups for name in group])
-            for group in groups:
-                self._start_group({name: [*command, *self._arguments] for name, command in group.items()}, on_ready)
+            for group in self._groups:
+                self._start_group(group, on_ready)
+                if "recorder" in group:
+                    self._announcer.start()
             self._is_up.set()
             while not self._is_stopping.wait(POLL_S):
                 self._look()
         except OSError as error:
             raise PipelineError(f"a process cannot be started: {error}") from error
         finally:
-            if self._announcer is not None:
-                self._announcer.close()
+            self._announcer.close()
             for child in reversed(self._children):
                 child.stop()
 
@@ -136,14 +139,10 @@ class Pipeline:
         now_s = self._clock.now_s()
         for child in self._children:
             if (comeback := child.step(now_s)) is not None:
-                self._say(Severity.WARNING, comeback.text)
+                self._announcer.say(Severity.WARNING, comeback.text)
             if child.failure is not None:
-                self._say(Severity.ERROR, child.failure)
+                self._announcer.say(Severity.ERROR, child.failure)
                 raise PipelineError(child.failure)
-
-    def _say(self, severity: Severity, text: str) -> None:
-        if self._announcer is not None:
-            self._announcer.say(severity, text)
 
     def __enter__(self) -> Pipeline:
         return self
