@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 import time
@@ -20,6 +21,7 @@ from shared.runtime.config import Config
 from shared.runtime.exit_codes import Exit
 from shared.runtime.ports import free_endpoint
 from shared.runtime.run_folder import run_folder, run_name
+from shared.runtime.snapshots import state_folder
 from shared.runtime.stop_signal import StopSignal
 
 _SPEED_RADPS = 0.3
@@ -57,7 +59,10 @@ def _run_pipeline(
     config: Config, arguments: list[str], folder: Path, is_stopping: Callable[[], bool]
 ) -> dict[str, int] | None:
     """Returns how often each service was restarted, if any was; None: the climb was not played to its end."""
-    with Pipeline(config, arguments, logs_dir=folder / "logs") as pipeline:
+    with contextlib.ExitStack() as stack:
+        state = stack.enter_context(state_folder(None))
+        arguments = [*arguments, "--set", f"state_directory={state}"]
+        pipeline = stack.enter_context(Pipeline(config, arguments, logs_dir=folder / "logs"))
         pipeline.start(is_stopping, on_ready=lambda name: _say(f"{name} is ready"))
         if is_stopping():
             return None

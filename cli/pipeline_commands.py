@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from pathlib import Path
@@ -29,6 +30,7 @@ def up(
     from cli.pipeline import Pipeline
     from shared.runtime.logs import configure_logs
     from shared.runtime.run_folder import run_folder, run_name
+    from shared.runtime.snapshots import state_folder
     from shared.runtime.stop_signal import StopSignal
 
     set_ = [*(set_ or []), *(["teleop.enabled=true"] if has_page else [])]
@@ -36,8 +38,10 @@ def up(
     name = run_name(settings.recorder)
     stop = StopSignal()
     configure_logs(verbosity=-1)
-    arguments = service_arguments(config, [*set_, f"recorder.run={name}"])
-    with Pipeline(settings, arguments) as pipeline:
+    with contextlib.ExitStack() as stack:
+        state = stack.enter_context(state_folder(settings.state_directory))
+        arguments = service_arguments(config, [*set_, f"recorder.run={name}", f"state_directory={state}"])
+        pipeline = stack.enter_context(Pipeline(settings, arguments))
         pipeline.start(stop.is_set)
         folder = run_folder(settings.recorder, name)
         if not stop.is_set():

@@ -8,6 +8,7 @@ from typing import TypeVar
 from services.mapper.in_turn import InTurn
 from services.mapper.mapper import Mapper
 from services.mapper.priors.interface import Prior
+from services.mapper.state import MapState, PoseState
 from services.mapper.warming import warm_up
 from shared.cloud_files import read_cloud
 from shared.messaging.channels import (
@@ -27,9 +28,12 @@ from shared.messaging.channels import (
 )
 from shared.messaging.messages import Message
 from shared.runtime.config import Config, MapperConfig
-from shared.runtime.node import Context, Handler, Messages, Node
+from shared.runtime.node import Context, Handler, Memory, Messages, Node, Part
 
 M = TypeVar("M", bound=Message)
+
+_MAP_PERIOD_S = 2.0
+"""How old the map may be that a mapper goes on with: it lacks the scans since, no more."""
 
 
 def build_node(config: Config, context: Context) -> Node:
@@ -43,6 +47,10 @@ def build_node(config: Config, context: Context) -> Node:
         name="mapper",
         inputs=inputs_of(mapper, InTurn(mapper, config.mapper), config.mapper, lambda: context.received_ns),
         outputs=(MAP_ODOMETRY, MAP_STATUS, MAP_CLOUD, MAP_PLANES),
+        memory=Memory(
+            {"pose": Part(PoseState, mapper.pose_snapshot), "map": Part(MapState, mapper.map_snapshot, _MAP_PERIOD_S)},
+            lambda states: mapper.restore(states["pose"], states["map"]),
+        ),
     )
 
 

@@ -59,7 +59,11 @@ class BusCounts:
         """Notes a message that came; returns how many of its publisher's were lost just before it."""
         if not isinstance(message, Measurement):
             return 0
-        return self._of(key, source_of(message)).take(message.seq)
+        return self.took(key, source_of(message), message.seq)
+
+    def took(self, key: str, source: str, seq: int) -> int:
+        """The same of a message by its number, and who numbers it: "" where only one publisher does."""
+        return self._of(key, source).take(seq)
 
     def heard(self, health: Health) -> None:
         """Notes what a service says that it sent."""

@@ -11,9 +11,10 @@ from services.recorder.bus_counts import BusCounts
 from services.recorder.disk import RecordingError, check_room, free_bytes
 from services.recorder.news import News
 from services.recorder.records import Record, to_record
-from services.recorder.rotation import is_repeated_in_each_file
+from services.recorder.rotation import is_repeated_in_each_file, num_files_in
 from services.recorder.run import Run
 from services.recorder.selection import Selection, problem_with
+from services.recorder.state import RecorderState
 from shared.errors import ConfigError, InputFileError, RefusedError
 from shared.messaging.channels import CHANNELS, PREFIX, RECORDER_CONTROL, Channel, channel_of_key
 from shared.messaging.messages import (
@@ -24,6 +25,7 @@ from shared.messaging.messages import (
     RecorderAction,
     RecorderControl,
     RecorderStatus,
+    Severity,
 )
 from shared.runtime.config import RecorderConfig
 from shared.runtime.run_folder import make_run_folder, new_run_name
@@ -61,6 +63,8 @@ class Recorder:
         self._num_commands: Counter[str] = Counter()
         self._num_statuses = 0
         self._news = News()
+        self._restored: RecorderState | None = None
+        self._wanted: tuple[str, tuple[str, ...]] = "", ()
         self.has_lost = False
 
     # ---- what a node calls
@@ -72,9 +76,38 @@ class Recorder:
             RecordingError: the disk refuses.
             InputFileError: the folder cannot be made.
         """
-        if self._config.starts:
+        restored, self._restored = self._restored, None
+        if restored is not None and restored.run:
+            self._begin(restored.run, restored.channels, is_going_on=True)
+        elif restored is None and self._config.starts:
             self._begin(self._config.run or new_run_name(self._config), self._config.channels)
         return [self._status()]
+
+    def snapshot(self) -> RecorderState:
+        """What `restore` needs."""
+        name, patterns = self._wanted
+        return RecorderState(
+            configured=self._config.run,
+            run=name,
+            channels=patterns,
+            num_statuses=self._num_statuses,
+            has_lost=self.has_lost or bool(name),
+        )
+
+    def restore(self, state: RecorderState) -> list[Message]:
+        """The start that follows goes on with the run of a recorder that was killed, in its next file.
+
+        Raises:
+            ValueError: it was told to record another run.
+        """
+        if state.configured != self._config.run:
+            raise ValueError(f"recorder.run was '{state.configured}', is '{self._config.run}'")
+        self._restored = state
+        self._num_statuses, self.has_lost = state.num_statuses, state.has_lost
+        if not state.run:
+            return []
+        text = f"restored: goes on with run {state.run} in a new file; what was sent meanwhile is not in it"
+        return [Event(stamp_ns=0, seq=0, frame="", source="recorder", severity=Severity.WARNING, text=text)]
 
     def add(self, channel: Channel, message: Message) -> list[Message]:
         """Records one message."""
@@ -101,6 +134,7 @@ class Recorder:
                 reason = self._run.text if self._run else ""
                 raise RefusedError(f"nothing is being recorded: {reason}" if reason else "nothing is being recorded")
             self._end(_MAX_STOP_S)
+            self._wanted = "", ()
             return self.tick()
         if self._run is not None and self._run.is_recording:
             raise RefusedError(f"{self._run.path} is being recorded: stop it first")
@@ -134,14 +168,18 @@ class Recorder:
 
     # ---- the run
 
-    def _begin(self, name: str, patterns: tuple[str, ...]) -> None:
+    def _begin(self, name: str, patterns: tuple[str, ...], *, is_going_on: bool = False) -> None:
         if self._run is not None:
             self._end(_MAX_STOP_S)
         folder = make_run_folder(self._config, name)
         check_room(folder, self._config.min_free_mib)
         self._bus.settle()
-        self._run = Run(self._config, folder, self._channels, Selection(patterns), self._metadata, self._kept)
+        first_file = num_files_in(folder) if is_going_on else 0
+        self._run = Run(
+            self._config, folder, self._channels, Selection(patterns), self._metadata, self._kept, first_file
+        )
         self._news = News()
+        self._wanted = name, patterns
 
     def _end(self, max_wait_s: float) -> None:
         run = self._run

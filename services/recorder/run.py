@@ -18,8 +18,8 @@ from shared.runtime.config import RecorderConfig
 class Run:
     """Takes the records of the chosen channels.
 
-    folder: exists. metadata: kept at the head of each file. kept: the last record
-    of channels that each file needs, by key.
+    folder: exists. metadata: kept at the head of each file. kept: the last record of channels that each file needs, by
+    key. first_file: the number of the first file, above 0 where a run goes on.
 
     Raises:
         RecordingError: the disk refuses, or the file exists.
@@ -33,6 +33,7 @@ class Run:
         selection: Selection,
         metadata: Mapping[str, str],
         kept: Mapping[str, Record],
+        first_file: int = 0,
     ) -> None:
         self.selection = selection
         self._folder = folder
@@ -43,6 +44,7 @@ class Run:
             {**metadata, "channels": " ".join(selection.patterns)},
             config,
             {key: record for key, record in kept.items() if record.channel in selection},
+            first_file=first_file,
         )
         self._writer = RunWriter(
             series, max_queue_bytes=config.max_queue_mib * 1024 * 1024, chunk_period_s=config.chunk_period_s

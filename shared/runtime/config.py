@@ -287,6 +287,8 @@ class Config(Section):
     fixed_foot_mark: InputFile = Path("robot/fixed_foot.urdf")
     """What viewers draw at the fixed foot."""
     structure: InputFile = Path("structures/original.yaml")
+    state_directory: Path | None = None
+    """Where services keep what they know, for when they are started again; None: nowhere. `hyrecro up` makes one."""
     bus: BusConfig = BusConfig()
     sim: SimConfig = SimConfig()
     sensors: SensorsConfig = SensorsConfig()

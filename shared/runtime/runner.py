@@ -33,8 +33,10 @@ from shared.runtime.config_loading import DEFAULT_CONFIG, load_config
 from shared.runtime.exit_codes import Exit
 from shared.runtime.health import Traffic
 from shared.runtime.logs import configure_logs
+from shared.runtime.memory import Keeper, keeper_of
 from shared.runtime.node import Addressed, Context, Messages, Node
 from shared.runtime.notify import Pulse
+from shared.runtime.snapshots import settings_of
 from shared.runtime.stop_signal import StopSignal
 
 log = structlog.get_logger()
@@ -96,7 +98,8 @@ def run_node(
     max_bytes = config.recorder.max_queue_mib * 1024 * 1024 if node.is_observer else None
     with Bus(config.bus, is_stopping=is_stopping) as bus:
         context.is_wanted = bus.is_wanted
-        ServiceLoop(node, bus, context, Inbox(max_bytes=max_bytes), pulse).run(is_stopping)
+        keeper = keeper_of(node, config.state_directory, settings_of(config))
+        ServiceLoop(node, bus, context, Inbox(max_bytes=max_bytes), pulse, keeper).run(is_stopping)
 
 
 def _complain(name: str, error: HyrecroError, pulse: Pulse) -> None:
@@ -114,9 +117,17 @@ def _exit_code_of(error: HyrecroError) -> Exit:
 class ServiceLoop:
     """Takes parcels from the inbox, gives messages to the node, sends what it returns; keeps timer and heartbeat."""
 
-    def __init__(self, node: Node, bus: Bus, context: Context, inbox: Inbox, pulse: Pulse | None = None) -> None:
+    def __init__(
+        self,
+        node: Node,
+        bus: Bus,
+        context: Context,
+        inbox: Inbox,
+        pulse: Pulse | None = None,
+        keeper: Keeper | None = None,
+    ) -> None:
         self._node, self._bus, self._context, self._inbox = node, bus, context, inbox
-        self._pulse = pulse or Pulse()
+        self._pulse, self._keeper = pulse or Pulse(), keeper
         self._traffic = Traffic()
         self._routes: dict[type[Message], Channel] = {channel.message: channel for channel in node.outputs}
         self._routes |= {Event: EVENTS, Health: HEALTH.of(node.name)}
@@ -128,13 +139,14 @@ class ServiceLoop:
     def run(self, is_stopping: Callable[[], bool]) -> None:
         """Serves until the node is done or `is_stopping`; then the node's last messages and a last heartbeat go out."""
         node = self._node
+        recalled = self._keeper.recall() if self._keeper else []
         for channel in dict.fromkeys((*node.outputs, *self._routes.values())):
             self._bus.advertise(channel)
         for channel in node.inputs:
             is_answered = not node.is_observer or channel in node.answers
             self._bus.subscribe(channel, self._inbox, is_observer=not is_answered)
         try:
-            self._send(node.on_start())
+            self._send([*node.on_start(), *recalled])
             self._bus.announce(node.name)
             self._pulse.ready()
             log.info("ready")
@@ -209,6 +221,16 @@ class ServiceLoop:
             parcel.reply(False, reason)
 
     def _send(self, messages: Messages) -> None:
+        messages = list(messages)
+        if self._keeper is None or not messages:
+            self._publish(messages)
+            return
+        failures = self._keeper.before_said()
+        self._publish(messages)
+        failures += self._keeper.after_said()
+        self._publish(replace(event, stamp_ns=self._traffic.stamp_ns) for event in failures)
+
+    def _publish(self, messages: Messages) -> None:
         for said in messages:
             channel, message = self._addressed(said)
             self._bus.publish(channel, message)
