@@ -22,6 +22,7 @@ M = TypeVar("M", bound=Message)
 
 _DROP_AFTER_US = 50_000
 """How long a LATEST message may wait for room on its link before it is dropped: half a LiDAR period."""
+_ROUTER_DROP_AFTER_US = int(__import__("os").environ.get("X_DROP", "1000"))
 _QUEUE_BATCHES = 16
 """Zenoh's largest queue of a link, in batches of 64 KiB; its default is 2."""
 _QUERY_TIMEOUT_S = 2.0
@@ -54,6 +55,7 @@ class Bus:
             channel.key_expr,
             encoding=f"{MIME};{schema_of(channel.message)}",
             congestion_control=congestion.DROP if is_latest else congestion.BLOCK,
+            priority=_priority(channel),
         )
         self._hold(PUBLISHED.replace("**", channel.key))
         if channel.is_kept:
@@ -180,7 +182,7 @@ def open_router(endpoint: str) -> Iterator[None]:
     settings.insert_json5("listen/endpoints", json.dumps([endpoint]))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
-    _set_queues(settings)
+    _set_queues(settings, _ROUTER_DROP_AFTER_US)
     try:
         session = zenoh.open(settings)
     except zenoh.ZError as error:
@@ -224,7 +226,7 @@ def _client_settings(config: BusConfig) -> zenoh.Config:
     settings.insert_json5("connect/timeout_ms", str(int(config.connect_timeout_s * 1000)))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
-    _set_queues(settings)
+    _set_queues(settings, _DROP_AFTER_US)
     settings.insert_json5("transport/shared_memory/enabled", json.dumps(config.shared_memory_mib > 0))
     if config.shared_memory_mib:
         pool = config.shared_memory_mib * 1024 * 1024
@@ -234,10 +236,18 @@ def _client_settings(config: BusConfig) -> zenoh.Config:
     return settings
 
 
-def _set_queues(settings: zenoh.Config) -> None:
-    """Room for short stalls on every hop, so that a busy machine does not make LATEST messages drop."""
-    settings.insert_json5("transport/link/tx/queue/size/data", str(_QUEUE_BATCHES))
-    settings.insert_json5("transport/link/tx/queue/congestion_control/drop/wait_before_drop", str(_DROP_AFTER_US))
+def _set_queues(settings: zenoh.Config, drop_after_us: int) -> None:
+    queue = "transport/link/tx/queue"
+    for priority in ("interactive_high", "data", "data_low"):
+        settings.insert_json5(f"{queue}/size/{priority}", str(_QUEUE_BATCHES))
+    settings.insert_json5(f"{queue}/congestion_control/drop/wait_before_drop", str(drop_after_us))
+
+
+def _priority(channel: Channel) -> zenoh.Priority:
+    """Each kind of message waits in a queue of its own, on every link: none holds up another."""
+    if channel.delivery is Delivery.EVERY:
+        return zenoh.Priority.INTERACTIVE_HIGH
+    return zenoh.Priority.DATA_LOW if channel.is_large else zenoh.Priority.DATA
 
 
 def _schema(encoding: zenoh.Encoding) -> str | None:

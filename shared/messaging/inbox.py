@@ -70,6 +70,11 @@ class Inbox:
                 self._bytes_left += len(parcel.payload)
             return parcel
 
+    def num_waiting(self) -> dict[str, int]:
+        """How many parcels of each key wait now."""
+        with self._changed:
+            return {key: num for key, num in self._pending.items() if num}
+
     def _make_room(self, parcel: Parcel) -> bool:
         if self._is_lossless:
             if len(parcel.payload) > self._bytes_left:
