@@ -24,7 +24,7 @@ from shared.messaging.inbox import Inbox, Parcel
 from shared.messaging.sequence import SequenceCounter
 from shared.runtime.config import BusConfig
 
-HEARD = (c.JOINTS_STATE, c.LEG_STATE, c.LIDAR_POINTS)
+HEARD = (c.JOINTS_STATE, c.LEG_STATE, c.LIDAR_POINTS, c.DEPTH_IMAGE)
 """What the ordinary subscriber measures."""
 _NUM_POINTS = 65_536
 """Of the default scan, 128 rings of 512 columns: 1.4 MB."""
@@ -55,6 +55,17 @@ def lidar() -> tuple[Stream, ...]:
     )
     imu = m.Imu(**_NEW, angular_velocity_radps=np.zeros(3), linear_acceleration_mps2=np.zeros(3))
     return (Stream(c.LIDAR_POINTS, scan, 10.0), Stream(c.LIDAR_IMU, imu, 100.0))
+
+
+def camera() -> tuple[Stream, ...]:
+    """What the default depth camera says."""
+    depth_mm = np.random.default_rng(0).integers(500, 5000, 848 * 480).astype(np.uint16)
+    image = m.DepthImage(**_NEW, height=480, width=848, depth_mm=depth_mm)
+    imu = m.Imu(**_NEW, angular_velocity_radps=np.zeros(3), linear_acceleration_mps2=np.zeros(3))
+    return (Stream(c.DEPTH_IMAGE, image, 15.0), Stream(c.DEPTH_IMU, imu, 200.0))
+
+
+SPEAKERS = {"robot": robot, "lidar": lidar, "camera": camera}
 
 
 def speak(bus: Bus, streams: tuple[Stream, ...], seconds: float) -> dict[str, int]:
@@ -108,15 +119,15 @@ def _begin() -> None:
 def main() -> None:
     """Plays one role."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("role", choices=["robot", "lidar", "listener", "bystander", "sleeper"])
+    parser.add_argument("role", choices=[*SPEAKERS, "listener", "bystander", "sleeper"])
     parser.add_argument("--endpoint", required=True)
     parser.add_argument("--seconds", type=float, required=True)
     parser.add_argument("--shared-memory-mib", type=int, default=BusConfig().shared_memory_mib)
     arguments = parser.parse_args()
     config = BusConfig(endpoint=arguments.endpoint, shared_memory_mib=arguments.shared_memory_mib)
     with Bus(config) as bus:
-        if arguments.role in ("robot", "lidar"):
-            streams = robot() if arguments.role == "robot" else lidar()
+        if arguments.role in SPEAKERS:
+            streams = SPEAKERS[arguments.role]()
             for stream in streams:
                 bus.advertise(stream.channel)
             _begin()
@@ -125,7 +136,7 @@ def main() -> None:
             print(json.dumps(listen(bus, arguments.seconds)))
         else:
             inbox = SleepyInbox() if arguments.role == "sleeper" else Inbox()
-            for stream in (*robot(), *lidar()):
+            for stream in (stream for streams in SPEAKERS.values() for stream in streams()):
                 bus.subscribe(stream.channel, inbox)
             _begin()
             sys.stdin.read()

@@ -21,13 +21,13 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.load_roles import HEARD
+from bench.load_roles import SPEAKERS
 from bench.slow_link import slow_link
 from shared.messaging.bus import is_reachable
 
 KINDS = ("none", "frozen", "callback", "link")
-_LINK_BYTES_PER_S = 1_500_000
-"""A tenth of the messages' 15 MB/s."""
+_LINK_BYTES_PER_S = int(__import__('os').environ.get('X_LINK', '2600000'))
+"""A tenth of the messages' 26 MB/s."""
 _SETTLE_S = 2.0
 
 
@@ -67,18 +67,20 @@ def measure(kind: str, endpoint: str, seconds: float) -> dict[str, dict[str, obj
         stack.callback(router.terminate)
         while not is_reachable(endpoint):
             time.sleep(0.05)
-        speakers = [stack.enter_context(Role(role, endpoint, seconds + _SETTLE_S)) for role in ("robot", "lidar")]
-        listener = stack.enter_context(Role("listener", endpoint, seconds + _SETTLE_S + 0.5))
+        speakers = [stack.enter_context(Role(role, endpoint, seconds + _SETTLE_S)) for role in SPEAKERS]
+        listener = stack.enter_context(Role("listener", endpoint, seconds + _SETTLE_S + 0.5, *__import__("os").environ.get("X_L","").split()))
         bad = None
         if kind == "link":
             slow_endpoint = stack.enter_context(slow_link(endpoint, _LINK_BYTES_PER_S))
             stack.enter_context(Role("bystander", slow_endpoint, seconds, "--shared-memory-mib", "0"))
+        elif kind == "frozen_remote":
+            bad = stack.enter_context(Role("bystander", endpoint, seconds, "--shared-memory-mib", "0"))
         elif kind != "none":
             bad = stack.enter_context(Role("sleeper" if kind == "callback" else "bystander", endpoint, seconds))
         for role in (listener, *speakers):
             role.begin()
         time.sleep(_SETTLE_S)
-        if kind == "frozen":
+        if kind.startswith("frozen"):
             assert bad is not None
             bad.process.send_signal(signal.SIGSTOP)
         result = listener.result()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -21,10 +22,16 @@ from shared.runtime.config import BusConfig
 M = TypeVar("M", bound=Message)
 
 _DROP_AFTER_US = 50_000
-"""How long a LATEST message may wait for room on its link before it is dropped: half a LiDAR period."""
-_ROUTER_DROP_AFTER_US = int(__import__("os").environ.get("X_DROP", "1000"))
+"""How long a small LATEST message may wait for room to the router before it is dropped: half a LiDAR period."""
+_ROUTER_DROP_AFTER_US = 1_000
+"""The same on its way from the router, where whoever waits holds up all that its sender says to others."""
+_ROUTER_CLOSE_AFTER_US = 1_000_000
+"""How long an EVERY message may find no room on its way from the router before that subscriber is cut off."""
+_ROUTER_THREADS = "(rx: (worker_threads: 8))"
+"""Of the router for reading: a large message may wait 50 ms for room, on the thread that read it."""
 _QUEUE_BATCHES = 16
-"""Zenoh's largest queue of a link, in batches of 64 KiB; its default is 2."""
+"""Zenoh's largest queue of a link and priority, in batches of 64 KiB; its default is 2."""
+_CONGESTION = "transport/link/tx/queue/congestion_control"
 _QUERY_TIMEOUT_S = 2.0
 
 
@@ -100,7 +107,7 @@ class Bus:
                     key = str(sample.key_expr)
                     inbox.put(_parcel(channel, key, sample.payload, sample.encoding, is_replay=True))
 
-            self._session.get(channel.key_expr, on_reply, timeout=_QUERY_TIMEOUT_S)
+            self._session.get(channel.key_expr, on_reply, priority=_priority(channel), timeout=_QUERY_TIMEOUT_S)
 
     def announce(self, name: str) -> None:
         """Holds the liveliness token of this service until the bus is closed."""
@@ -114,7 +121,7 @@ class Bus:
         Raises:
             CodecError: the answer is not such a message.
         """
-        for reply in self._session.get(channel.key_expr, timeout=timeout_s):
+        for reply in self._session.get(channel.key_expr, priority=_priority(channel), timeout=timeout_s):
             if (sample := reply.ok) is not None:
                 return decode(message_type, sample.payload.to_bytes(), schema=_schema(sample.encoding))
         return None
@@ -126,7 +133,10 @@ class Bus:
             RefusedError: with the reason the robot gives.
             BusError: nobody answers.
         """
-        for reply in self._session.get(channel.key_expr, payload=encode(message), timeout=timeout_s):
+        replies = self._session.get(
+            channel.key_expr, payload=encode(message), priority=_priority(channel), timeout=timeout_s
+        )
+        for reply in replies:
             if (refusal := reply.err) is not None:
                 raise RefusedError(refusal.payload.to_string())
             return
@@ -183,6 +193,8 @@ def open_router(endpoint: str) -> Iterator[None]:
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
     _set_queues(settings, _ROUTER_DROP_AFTER_US)
+    settings.insert_json5(f"{_CONGESTION}/block/wait_before_close", str(_ROUTER_CLOSE_AFTER_US))
+    os.environ.setdefault("ZENOH_RUNTIME", _ROUTER_THREADS)  # read by zenoh's first session of a process
     try:
         session = zenoh.open(settings)
     except zenoh.ZError as error:
@@ -237,14 +249,14 @@ def _client_settings(config: BusConfig) -> zenoh.Config:
 
 
 def _set_queues(settings: zenoh.Config, drop_after_us: int) -> None:
-    queue = "transport/link/tx/queue"
+    """As much room as there can be for each kind of message, and how long a small one waits for it."""
     for priority in ("interactive_high", "data", "data_low"):
-        settings.insert_json5(f"{queue}/size/{priority}", str(_QUEUE_BATCHES))
-    settings.insert_json5(f"{queue}/congestion_control/drop/wait_before_drop", str(drop_after_us))
+        settings.insert_json5(f"transport/link/tx/queue/size/{priority}", str(_QUEUE_BATCHES))
+    settings.insert_json5(f"{_CONGESTION}/drop/wait_before_drop", str(drop_after_us))
 
 
 def _priority(channel: Channel) -> zenoh.Priority:
-    """Each kind of message waits in a queue of its own, on every link: none holds up another."""
+    """Each kind of message waits in a queue of its own on every link: a scan that finds no room holds up no other."""
     if channel.delivery is Delivery.EVERY:
         return zenoh.Priority.INTERACTIVE_HIGH
     return zenoh.Priority.DATA_LOW if channel.is_large else zenoh.Priority.DATA

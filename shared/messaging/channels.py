@@ -29,7 +29,8 @@ class Channel:
 
     key: below `hyrecro/`. rate_hz: None = as it happens. is_command: people and programs send it to the robot, also as
     JSON, and a query on it is answered with accepted or the reason of refusal. is_kept: the publisher keeps the last
-    message and answers queries with it, so that a late joiner gets it. is_large: it fills links and queues. topic, ros_type: where it stands in a recording.
+    message and answers queries with it, so that a late joiner gets it. is_large: it fills links and queues. topic,
+    ros_type: where it stands in a recording.
     """
 
     key: str
