@@ -30,7 +30,9 @@ _ROUTER_CLOSE_AFTER_US = 1_000_000
 _ROUTER_THREADS = "(rx: (worker_threads: 8))"
 """Of the router for reading: a large message may wait 50 ms for room, on the thread that read it."""
 _QUEUE_BATCHES = 16
-"""Zenoh's largest queue of a link and priority, in batches of 64 KiB; its default is 2."""
+"""Zenoh's largest queue of a link and priority, in batches; its default is 2."""
+_BATCH_BYTES = 65_535
+"""What fits into one needs no shared memory: whoever says nothing larger has no pool."""
 _CONGESTION = "transport/link/tx/queue/congestion_control"
 _QUERY_TIMEOUT_S = 2.0
 
@@ -70,12 +72,13 @@ class Bus:
                 self._session.declare_queryable(channel.key_expr, lambda query: self._answer_kept(channel, query))
             )
 
-    def publish(self, channel: Channel, message: Message) -> None:
-        """Sends a message on an advertised channel."""
+    def publish(self, channel: Channel, message: Message) -> int:
+        """Sends a message on an advertised channel; returns how many bytes it has."""
         payload = encode(message)
         if channel.is_kept:  # first, or a late joiner's question could fall between the two
             self._kept[channel.key] = (payload, f"{MIME};{schema_of(channel.message)}")
         self._publishers[channel.key].put(payload)
+        return len(payload)
 
     def is_wanted(self, channel: Channel) -> bool:
         """Whether anybody subscribes to an advertised channel now."""
@@ -242,7 +245,9 @@ def _client_settings(config: BusConfig) -> zenoh.Config:
     settings.insert_json5("transport/shared_memory/enabled", json.dumps(config.shared_memory_mib > 0))
     if config.shared_memory_mib:
         pool = config.shared_memory_mib * 1024 * 1024
-        settings.insert_json5("transport/shared_memory/transport_optimization/pool_size", str(pool))
+        optimization = "transport/shared_memory/transport_optimization"
+        settings.insert_json5(f"{optimization}/pool_size", str(pool))
+        settings.insert_json5(f"{optimization}/message_size_threshold", str(_BATCH_BYTES))
     if config.namespace:
         settings.insert_json5("namespace", json.dumps(config.namespace))
     return settings

@@ -527,7 +527,7 @@ class Event(Measurement):
 class ChannelCount(Message):
     """What one service did with one key: messages sent, received, missed on the way, dropped by itself, refused.
 
-    num_waiting: in its inbox now. wait_median_s, wait_max_s: how long those taken since the last heartbeat had waited
+    num_bytes_sent: of those sent. num_waiting: in its inbox now. wait_median_s, wait_max_s: how long those taken since the last heartbeat had waited
     there; None where none was taken.
     """
 
@@ -538,6 +538,7 @@ class ChannelCount(Message):
     num_dropped: int = 0
     num_refused: int = 0
     last_seq: int | None = None
+    num_bytes_sent: int = 0
     num_waiting: int = 0
     wait_median_s: float | None = None
     wait_max_s: float | None = None

@@ -18,6 +18,7 @@ class KeyTraffic:
     """
 
     num_sent: int = 0
+    num_bytes_sent: int = 0
     num_received: int = 0
     num_refused: int = 0
     last_seq: int | None = None
@@ -32,10 +33,11 @@ class Traffic:
         self.stamp_ns = 0
         self._keys: dict[str, KeyTraffic] = {}
 
-    def sent(self, key: str, *, seq: int | None, stamp_ns: int | None) -> None:
+    def sent(self, key: str, *, seq: int | None, stamp_ns: int | None, num_bytes: int = 0) -> None:
         """Notes a published message; commands have neither number nor stamp."""
         traffic = self._of(key)
         traffic.num_sent += 1
+        traffic.num_bytes_sent += num_bytes
         traffic.last_seq = seq
         self.stamp_ns = self.stamp_ns if stamp_ns is None else stamp_ns
 
@@ -88,6 +90,7 @@ def _count(key: str, traffic: KeyTraffic, num_dropped: int, num_lost: int, num_w
     return ChannelCount(
         key=key,
         num_sent=traffic.num_sent,
+        num_bytes_sent=traffic.num_bytes_sent,
         num_received=traffic.num_received,
         num_missed=max(0, sum(source.num_missed for source in traffic.sources.values()) - num_dropped),
         num_dropped=num_dropped + num_lost,

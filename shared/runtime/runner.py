@@ -236,9 +236,9 @@ class ServiceLoop:
     def _send(self, messages: Messages) -> None:
         for said in messages:
             channel, message = self._addressed(said)
-            self._bus.publish(channel, message)
+            num_bytes = self._bus.publish(channel, message)
             seq, stamp_ns = (message.seq, message.stamp_ns) if isinstance(message, Measurement) else (None, None)
-            self._traffic.sent(channel.key_expr, seq=seq, stamp_ns=stamp_ns)
+            self._traffic.sent(channel.key_expr, seq=seq, stamp_ns=stamp_ns, num_bytes=num_bytes)
 
     def _addressed(self, said: Message | Addressed) -> tuple[Channel, Message]:
         if isinstance(said, Addressed):

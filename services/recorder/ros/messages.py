@@ -29,7 +29,7 @@ LOG_LEVELS = {m.Severity.INFO: 20, m.Severity.WARNING: 30, m.Severity.ERROR: 40}
 _DIAGNOSTIC_OK = 0
 """diagnostic_msgs/DiagnosticStatus.OK: a heartbeat reports numbers and leaves the verdict to the reader."""
 
-_COUNTERS = ("num_sent", "num_received", "num_missed", "num_dropped", "num_refused", "num_waiting")
+_COUNTERS = ("num_sent", "num_bytes_sent", "num_received", "num_missed", "num_dropped", "num_refused", "num_waiting")
 _KNOWN_OR_NOT = ("last_seq", "wait_median_s", "wait_max_s")
 
 
