@@ -26,7 +26,7 @@ from bench.slow_link import slow_link
 from shared.messaging.bus import is_reachable
 
 KINDS = ("none", "frozen", "callback", "link")
-_LINK_BYTES_PER_S = int(__import__('os').environ.get('X_LINK', '2600000'))
+_LINK_BYTES_PER_S = int(__import__("os").environ.get("X_LINK", "2600000"))
 """A tenth of the messages' 26 MB/s."""
 _SETTLE_S = 2.0
 
@@ -68,7 +68,9 @@ def measure(kind: str, endpoint: str, seconds: float) -> dict[str, dict[str, obj
         while not is_reachable(endpoint):
             time.sleep(0.05)
         speakers = [stack.enter_context(Role(role, endpoint, seconds + _SETTLE_S)) for role in SPEAKERS]
-        listener = stack.enter_context(Role("listener", endpoint, seconds + _SETTLE_S + 0.5, *__import__("os").environ.get("X_L","").split()))
+        listener = stack.enter_context(
+            Role("listener", endpoint, seconds + _SETTLE_S + 0.5, *__import__("os").environ.get("X_L", "").split())
+        )
         bad = None
         if kind == "link":
             slow_endpoint = stack.enter_context(slow_link(endpoint, _LINK_BYTES_PER_S))

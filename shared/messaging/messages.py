@@ -527,8 +527,8 @@ class Event(Measurement):
 class ChannelCount(Message):
     """What one service did with one key: messages sent, received, missed on the way, dropped by itself, refused.
 
-    num_bytes_sent: of those sent. num_waiting: in its inbox now. wait_median_s, wait_max_s: how long those taken since the last heartbeat had waited
-    there; None where none was taken.
+    num_bytes_sent: of those sent. num_waiting: in its inbox now. wait_median_s, wait_max_s: how long those taken since
+    the last heartbeat had waited there; None where none was taken.
     """
 
     key: str
