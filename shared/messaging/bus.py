@@ -66,11 +66,11 @@ class Bus:
             congestion_control=congestion.DROP if is_latest else congestion.BLOCK,
             priority=_priority(channel),
         )
-        self._hold(PUBLISHED.replace("**", channel.key))
         if channel.is_kept:
             self._declared.append(
                 self._session.declare_queryable(channel.key_expr, lambda query: self._answer_kept(channel, query))
             )
+        self._hold(PUBLISHED.replace("**", channel.key))  # last: who sees it may ask at once
 
     def publish(self, channel: Channel, message: Message) -> int:
         """Sends a message on an advertised channel; returns how many bytes it has."""
@@ -89,6 +89,8 @@ class Bus:
     def subscribe(self, channel: Channel, inbox: Inbox, *, is_observer: bool = False) -> None:
         """Lets what comes on the channel into the inbox: messages, commands as queries, and the last kept message.
 
+        What is kept is asked for again when the publisher, the router or this session was out of reach for a while.
+
         is_observer: commands that come as queries are seen, but their answer is left to who carries them out.
         """
 
@@ -104,13 +106,7 @@ class Bus:
                 )
             )
         if channel.is_kept and channel.delivery is Delivery.EVERY:
-
-            def on_reply(reply: zenoh.Reply) -> None:
-                if (sample := reply.ok) is not None:
-                    key = str(sample.key_expr)
-                    inbox.put(_parcel(channel, key, sample.payload, sample.encoding, is_replay=True))
-
-            self._session.get(channel.key_expr, on_reply, priority=_priority(channel), timeout=_QUERY_TIMEOUT_S)
+            self._ask_kept(channel, inbox)
 
     def announce(self, name: str) -> None:
         """Holds the liveliness token of this service until the bus is closed."""
@@ -176,6 +172,21 @@ class Bus:
         """What stands behind the stem in the tokens that are held now."""
         replies = self._session.liveliness().get(stem + "**", timeout=timeout_s)
         return {str(reply.ok.key_expr).partition(stem)[2] for reply in replies if reply.ok is not None}
+
+    def _ask_kept(self, channel: Channel, inbox: Inbox) -> None:
+        """Asks for the last message now, and whenever a publisher of the channel comes, or comes back, within reach."""
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if (sample := reply.ok) is not None:
+                inbox.put(_parcel(channel, str(sample.key_expr), sample.payload, sample.encoding, is_replay=True))
+
+        def ask(token: zenoh.Sample | None = None) -> None:
+            if token is None or token.kind == zenoh.SampleKind.PUT:
+                self._session.get(channel.key_expr, on_reply, priority=_priority(channel), timeout=_QUERY_TIMEOUT_S)
+
+        token = PUBLISHED.replace("**", channel.key)
+        self._declared.append(self._session.liveliness().declare_subscriber(token, ask))
+        ask()
 
     def _answer_kept(self, channel: Channel, query: zenoh.Query) -> None:
         with query:
