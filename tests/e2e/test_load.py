@@ -51,7 +51,7 @@ def bystander(endpoint):
 
 
 def test_a_frozen_subscriber_harms_no_other(endpoint):
-    """Scans fill every queue on the way to it; the joint states of the same publisher go on to the other, all of them."""
+    """Scans fill every queue on the way to it; what else their publisher says goes on to the other, all of it."""
     scan = lidar()[0].message
     state = next(example for example in EXAMPLES if isinstance(example, JointState))
     inbox = Inbox(max_bytes=2**28)
