@@ -43,7 +43,7 @@ def _channels(rows: list[ChannelRow]) -> Table:
     table.add_column("/s", justify="right", no_wrap=True)
     table.add_column("kB/s", justify="right", no_wrap=True)
     table.add_column("from", no_wrap=True)
-    table.add_column("to (longest wait, drop, lost)", ratio=1)
+    table.add_column("to (longest wait in ms, drop, lost)", ratio=1)
     for row in rows:
         table.add_row(
             row.key,
@@ -73,7 +73,7 @@ def _hearer(hearer: Hearer) -> Text:
     text = Text(hearer.service)
     if hearer.wait_max_s is not None:
         text.append_text(Text(" ").append_text(_wait(hearer.wait_max_s)))
-    for count, name in ((hearer.num_waiting, "waiting"), (hearer.num_dropped, "drop"), (hearer.num_missed, "lost")):
+    for count, name in ((hearer.num_dropped, "drop"), (hearer.num_missed, "lost")):
         if count:
             text.append(f" {count} {name}", style="yellow")
     return text
