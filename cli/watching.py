@@ -84,14 +84,26 @@ def watch(
     """
     with Bus(config, is_stopping=is_stopping) as bus:
         watch = Watch(bus, config)
-        if is_once or is_json:
-            _collect(watch, is_stopping)
-            if is_json:
-                print(json.dumps(watch.figures()))
-            else:
-                Console().print(_tables(watch))
+        if not (is_once or is_json):
+            _show(watch, interval_s, is_stopping)
             return
-        _show(watch, interval_s, is_stopping)
+        _collect(watch, is_stopping)
+        if is_json:
+            print(json.dumps(watch.figures()))
+        else:
+            Console().print(_tables(watch))
+
+
+def snapshot(config: BusConfig) -> RenderableType:
+    """The tables as they are when rates are known.
+
+    Raises:
+        BusError: no router.
+    """
+    with Bus(config) as bus:
+        watch = Watch(bus, config)
+        _collect(watch, lambda: False)
+        return _tables(watch)
 
 
 def _collect(watch: Watch, is_stopping: Callable[[], bool]) -> None:
