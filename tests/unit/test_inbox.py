@@ -1,7 +1,7 @@
 import threading
 
-from shared.messaging.channels import CLOCK, LEG_STATE
 from shared.messaging import inbox as inbox_module
+from shared.messaging.channels import CLOCK, LEG_STATE
 from shared.messaging.inbox import EVERY_DEPTH, Inbox, Parcel
 
 
