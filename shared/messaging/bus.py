@@ -17,23 +17,11 @@ from shared.messaging.channels import ALIVE, PUBLISHED, Channel, Delivery
 from shared.messaging.codec import MIME, decode, encode, schema_of
 from shared.messaging.inbox import Inbox, Parcel
 from shared.messaging.messages import Message
+from shared.messaging.queues import BATCH_BYTES, ROUTER_RUNTIME, queues_of_client, queues_of_router
 from shared.runtime.config import BusConfig
 
 M = TypeVar("M", bound=Message)
 
-_DROP_AFTER_US = 50_000
-"""How long a small LATEST message may wait for room to the router before it is dropped: half a LiDAR period."""
-_ROUTER_DROP_AFTER_US = 1_000
-"""The same on its way from the router, where whoever waits holds up all that its sender says to others."""
-_ROUTER_CLOSE_AFTER_US = 1_000_000
-"""How long an EVERY message may find no room on its way from the router before that subscriber is cut off."""
-_ROUTER_THREADS = "(rx: (worker_threads: 8))"
-"""Of the router for reading: a large message may wait 50 ms for room, on the thread that read it."""
-_QUEUE_BATCHES = 16
-"""Zenoh's largest queue of a link and priority, in batches; its default is 2."""
-_BATCH_BYTES = 65_535
-"""What fits into one needs no shared memory: whoever says nothing larger has no pool."""
-_CONGESTION = "transport/link/tx/queue/congestion_control"
 _QUERY_TIMEOUT_S = 2.0
 
 
@@ -180,8 +168,8 @@ class Bus:
             if (sample := reply.ok) is not None:
                 inbox.put(_parcel(channel, str(sample.key_expr), sample.payload, sample.encoding, is_replay=True))
 
-        def ask(token: zenoh.Sample | None = None) -> None:
-            if token is None or token.kind == zenoh.SampleKind.PUT:
+        def ask(seen: zenoh.Sample | None = None) -> None:
+            if seen is None or seen.kind == zenoh.SampleKind.PUT:
                 self._session.get(channel.key_expr, on_reply, priority=_priority(channel), timeout=_QUERY_TIMEOUT_S)
 
         token = PUBLISHED.replace("**", channel.key)
@@ -206,9 +194,8 @@ def open_router(endpoint: str) -> Iterator[None]:
     settings.insert_json5("listen/endpoints", json.dumps([endpoint]))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
-    _set_queues(settings, _ROUTER_DROP_AFTER_US)
-    settings.insert_json5(f"{_CONGESTION}/block/wait_before_close", str(_ROUTER_CLOSE_AFTER_US))
-    os.environ.setdefault("ZENOH_RUNTIME", _ROUTER_THREADS)  # read by zenoh's first session of a process
+    _set_queues(settings, queues_of_router())
+    os.environ.setdefault("ZENOH_RUNTIME", ROUTER_RUNTIME)  # read by zenoh's first session of a process
     try:
         session = zenoh.open(settings)
     except zenoh.ZError as error:
@@ -252,23 +239,21 @@ def _client_settings(config: BusConfig) -> zenoh.Config:
     settings.insert_json5("connect/timeout_ms", str(int(config.connect_timeout_s * 1000)))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
-    _set_queues(settings, _DROP_AFTER_US)
+    _set_queues(settings, queues_of_client())
     settings.insert_json5("transport/shared_memory/enabled", json.dumps(config.shared_memory_mib > 0))
     if config.shared_memory_mib:
         pool = config.shared_memory_mib * 1024 * 1024
         optimization = "transport/shared_memory/transport_optimization"
         settings.insert_json5(f"{optimization}/pool_size", str(pool))
-        settings.insert_json5(f"{optimization}/message_size_threshold", str(_BATCH_BYTES))
+        settings.insert_json5(f"{optimization}/message_size_threshold", str(BATCH_BYTES))
     if config.namespace:
         settings.insert_json5("namespace", json.dumps(config.namespace))
     return settings
 
 
-def _set_queues(settings: zenoh.Config, drop_after_us: int) -> None:
-    """As much room as there can be for each kind of message, and how long a small one waits for it."""
-    for priority in ("interactive_high", "data", "data_low"):
-        settings.insert_json5(f"transport/link/tx/queue/size/{priority}", str(_QUEUE_BATCHES))
-    settings.insert_json5(f"{_CONGESTION}/drop/wait_before_drop", str(drop_after_us))
+def _set_queues(settings: zenoh.Config, queues: dict[str, int]) -> None:
+    for path, value in queues.items():
+        settings.insert_json5(path, str(value))
 
 
 def _priority(channel: Channel) -> zenoh.Priority:
