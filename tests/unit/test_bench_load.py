@@ -40,7 +40,7 @@ def test_growth_is_that_after_the_warm_up():
 
 
 def test_too_short_a_run_says_so():
-    with pytest.raises(ValueError, match="4 minutes are too few: the warm-up alone takes 3.3"):
+    with pytest.raises(ValueError, match=r"4 minutes are too few: the warm-up alone takes 3\.3"):
         growths([sample("sim", 10.0 * i, 1.0) for i in range(24)], 4)
 
 
