@@ -23,6 +23,7 @@ from shared.runtime.config import BusConfig
 M = TypeVar("M", bound=Message)
 
 _QUERY_TIMEOUT_S = 2.0
+_SHARED_MEMORY = "transport/shared_memory/transport_optimization"
 
 
 class Bus:
@@ -194,6 +195,7 @@ def open_router(endpoint: str) -> Iterator[None]:
     settings.insert_json5("listen/endpoints", json.dumps([endpoint]))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
+    settings.insert_json5(f"{_SHARED_MEMORY}/enabled", "false")  # it passes on what others put there, and puts nothing
     _set_queues(settings, queues_of_router())
     os.environ.setdefault("ZENOH_RUNTIME", ROUTER_RUNTIME)  # read by zenoh's first session of a process
     try:
@@ -243,9 +245,8 @@ def _client_settings(config: BusConfig) -> zenoh.Config:
     settings.insert_json5("transport/shared_memory/enabled", json.dumps(config.shared_memory_mib > 0))
     if config.shared_memory_mib:
         pool = config.shared_memory_mib * 1024 * 1024
-        optimization = "transport/shared_memory/transport_optimization"
-        settings.insert_json5(f"{optimization}/pool_size", str(pool))
-        settings.insert_json5(f"{optimization}/message_size_threshold", str(BATCH_BYTES))
+        settings.insert_json5(f"{_SHARED_MEMORY}/pool_size", str(pool))
+        settings.insert_json5(f"{_SHARED_MEMORY}/message_size_threshold", str(BATCH_BYTES))
     if config.namespace:
         settings.insert_json5("namespace", json.dumps(config.namespace))
     return settings

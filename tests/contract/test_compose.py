@@ -56,6 +56,7 @@ def test_the_routers_file_sets_what_the_embedded_router_sets():
     embedded = zenoh.Config()
     bus._set_queues(embedded, queues_of_router())
     assert router.get_json(queue) == embedded.get_json(queue)
+    assert router.get_json("transport/shared_memory/transport_optimization/enabled") == "false"
     assert router.get_json("scouting/multicast/enabled") == "false"
     assert router.get_json("mode") == '"router"'
     assert COMPOSE["services"]["router"]["environment"] == {"ZENOH_RUNTIME": ROUTER_RUNTIME}
