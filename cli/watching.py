@@ -61,7 +61,7 @@ class Watch:
             return f"{endpoint}: no router answers"
         rows = self.top.services(time.monotonic())
         num_ready = sum(row.state == "ready" for row in rows)
-        memory = f"bus memory {bus_memory_bytes() / 1e6:.0f} MB"
+        memory = f"{bus_memory_bytes() / 1e6:.0f} MB of shared memory on this machine"
         return f"{endpoint}  {num_ready} of {len(rows)} ready  {memory}"
 
     def figures(self) -> dict[str, object]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import io
+import re
 from pathlib import Path
 
 from rich.console import Console
@@ -11,6 +13,8 @@ from cli.watching import snapshot
 from shared.runtime.config import BusConfig
 
 _COLUMNS = 80
+_FOREIGN_FONT = re.compile(r"\s*@font-face \{.*?\}", re.DOTALL)
+"""What a browser would fetch from another host to show the picture."""
 
 
 def main() -> None:
@@ -19,9 +23,10 @@ def main() -> None:
     parser.add_argument("endpoint")
     parser.add_argument("out", type=Path)
     arguments = parser.parse_args()
-    console = Console(record=True, width=_COLUMNS, quiet=True, force_terminal=True)
+    console = Console(record=True, width=_COLUMNS, file=io.StringIO(), force_terminal=True)
     console.print(snapshot(BusConfig(endpoint=arguments.endpoint)))
-    console.save_svg(str(arguments.out), title="hyrecro top")
+    picture = console.export_svg(title="hyrecro top")
+    arguments.out.write_text(_FOREIGN_FONT.sub("", picture))
 
 
 if __name__ == "__main__":
