@@ -11,10 +11,11 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
-from shared.errors import ConfigError
+from shared.errors import ConfigError, InputFileError
+from shared.files import read_text
 from shared.runtime.config import CONFIGS_DIR, Config
+from shared.yaml_reading import YamlError, load_yaml
 
 ENVIRONMENT_PREFIX = "HYRECRO_"
 ENVIRONMENT_SEPARATOR = "__"
@@ -75,14 +76,12 @@ def _resolve_preset(path: Path) -> Path:
 
 def _read_yaml(path: Path) -> dict[str, Any]:
     try:
-        tree = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
-    except OSError as error:
+        tree = load_yaml(read_text(path), str(path))
+    except InputFileError as error:
         presets = ", ".join(sorted(preset.stem for preset in CONFIGS_DIR.glob("*.yaml")))
-        raise ConfigError([f"{path}: {error.strerror or error}; presets are {presets}"]) from error
-    except (YAMLError, UnicodeDecodeError) as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f":{mark.line + 1}" if mark is not None else ""
-        raise ConfigError([f"{path}{place}: not valid YAML: {getattr(error, 'problem', None) or error}"]) from error
+        raise ConfigError([f"{error}; presets are {presets}"]) from error
+    except YamlError as error:
+        raise ConfigError([str(error)]) from error
     if tree is None:
         return {}
     if not isinstance(tree, dict):
@@ -94,9 +93,9 @@ def _set(
     tree: dict[str, Any], keys: Sequence[str], text: str, origin: str, origins: Origins, problems: list[str]
 ) -> None:
     try:
-        value = YAML(typ="safe").load(text) if text else ""
-    except YAMLError:
-        problems.append(f"{origin}: {'.'.join(keys)}: {text!r} is not a YAML value")
+        value = load_yaml(text, origin) if text else ""
+    except YamlError:
+        problems.append(f"{origin}: {'.'.join(keys)}: {_shortened(text)} is not a YAML value")
         return
     node = tree
     for key in keys[:-1]:
