@@ -18,6 +18,8 @@ from shared.messaging.fields import checked, specs_of
 from shared.messaging.values import (
     ACTUATOR_NAMES as ACTUATOR_NAMES,
     JOINT_NAMES as JOINT_NAMES,
+    MAX_PIXELS as MAX_PIXELS,
+    MAX_SPEED as MAX_SPEED,
     MAX_STAMP_NS as MAX_STAMP_NS,
     Actuators as Actuators,
     Coefficients as Coefficients,
@@ -224,7 +226,7 @@ class ReplayControl(Message):
     seek_s: goes on from so many seconds after the recording's first message. speed: recorded seconds a second.
 
     Raises:
-        MessageError: nothing is asked for, a time before the recording, or a speed that is not above 0.
+        MessageError: nothing is asked for, a time before the recording, or a speed not within 0 and `MAX_SPEED`.
     """
 
     SHORTHAND: ClassVar[str | None] = "action"
@@ -236,10 +238,10 @@ class ReplayControl(Message):
         Message.__post_init__(self)
         if self.action is None and self.seek_s is None and self.speed is None:
             raise MessageError("one of action, seek_s, speed must be given")
-        if self.seek_s is not None and self.seek_s < 0:
-            raise MessageError(f"seek_s is {self.seek_s:g}, must not be negative")
-        if self.speed is not None and self.speed <= 0:
-            raise MessageError(f"speed is {self.speed:g}, must be above 0")
+        if self.seek_s is not None and not 0 <= self.seek_s <= MAX_STAMP_NS / 1e9:
+            raise MessageError(f"seek_s is {self.seek_s:g}, must be within 0..{MAX_STAMP_NS / 1e9:g}")
+        if self.speed is not None and not 0 < self.speed <= MAX_SPEED:
+            raise MessageError(f"speed is {self.speed:g}, must be above 0 and at most {MAX_SPEED:g}")
 
 
 # ---- the robot
@@ -407,7 +409,11 @@ class DepthImage(Measurement):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CameraInfo(Measurement):
-    """Intrinsics of a camera without distortion, in pixels; the centre of the top left pixel is (0, 0)."""
+    """Intrinsics of a camera without distortion, in pixels; the centre of the top left pixel is (0, 0).
+
+    Raises:
+        MessageError: an image without pixels, or numbers that are no camera's.
+    """
 
     height: int
     width: int
@@ -415,6 +421,15 @@ class CameraInfo(Measurement):
     fy: float
     cx: float
     cy: float
+
+    def __post_init__(self) -> None:
+        Measurement.__post_init__(self)
+        for name in ("height", "width", "fx", "fy"):
+            if not 0 < (value := getattr(self, name)) <= MAX_PIXELS:
+                raise MessageError(f"{name} is {value}, must be above 0 and at most {MAX_PIXELS}")
+        for name in ("cx", "cy"):
+            if abs(value := getattr(self, name)) > MAX_PIXELS:
+                raise MessageError(f"{name} is {value}, must be within {MAX_PIXELS} of 0")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

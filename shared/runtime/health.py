@@ -7,6 +7,13 @@ from dataclasses import dataclass, field
 
 from shared.messaging.messages import ChannelCount, Event, Measurement, Message
 from shared.messaging.sequence import SequenceCounter
+from shared.messaging.values import MAX_COUNT
+
+MAX_KEYS = 1000
+"""That are counted each by itself; whoever invents more of them is counted as one."""
+MAX_SOURCES = 1000
+"""Publishers of one key whose numbers are followed."""
+OTHER_KEYS = "hyrecro/**"
 
 
 @dataclass(slots=True)
@@ -18,6 +25,11 @@ class KeyTraffic:
     num_refused: int = 0
     last_seq: int | None = None
     sources: dict[str, SequenceCounter] = field(default_factory=dict)
+
+    def num_missed(self, num_dropped: int) -> int:
+        """By the gaps in `seq`, without those that the inbox made."""
+        num_missed = sum(counter.num_missed for counter in self.sources.values()) - num_dropped
+        return min(max(0, num_missed), MAX_COUNT)
 
 
 class Traffic:
@@ -41,11 +53,15 @@ class Traffic:
         if isinstance(message, Measurement):
             traffic.last_seq = message.seq
             self.stamp_ns = message.stamp_ns
-            traffic.sources.setdefault(source_of(message), SequenceCounter()).add(message.seq)
+            source = source_of(message)
+            if source in traffic.sources or len(traffic.sources) < MAX_SOURCES:
+                traffic.sources.setdefault(source, SequenceCounter()).add(message.seq)
 
-    def refused(self, key: str) -> None:
-        """Notes bytes that were no message, or a command that was refused."""
-        self._of(key).num_refused += 1
+    def refused(self, key: str, *, is_message: bool = False) -> None:
+        """Notes bytes that were no message, or a message that was received and then refused: it counts as refused."""
+        traffic = self._of(key)
+        traffic.num_refused += 1
+        traffic.num_received -= is_message
 
     def is_known(self, key: str, message: Message) -> bool:
         """Whether a message that was asked for has already come by itself."""
@@ -66,7 +82,7 @@ class Traffic:
                 key=key,
                 num_sent=traffic.num_sent,
                 num_received=traffic.num_received,
-                num_missed=max(0, sum(c.num_missed for c in traffic.sources.values()) - num_dropped.get(key, 0)),
+                num_missed=traffic.num_missed(num_dropped.get(key, 0)),
                 num_dropped=num_dropped.get(key, 0) + num_lost.get(key, 0),
                 num_refused=traffic.num_refused,
                 last_seq=traffic.last_seq,
@@ -75,6 +91,8 @@ class Traffic:
         )
 
     def _of(self, key: str) -> KeyTraffic:
+        if key not in self._keys and len(self._keys) >= MAX_KEYS:
+            key = OTHER_KEYS
         return self._keys.setdefault(key, KeyTraffic())
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,7 +13,7 @@ from mcap.records import Channel as McapChannel, McapRecord, Message as McapMess
 
 from services.recorder.ros.reading import from_cdr
 from shared.errors import InputFileError, MessageError
-from shared.mcap_chunks import BROKEN, file_records
+from shared.mcap_chunks import BROKEN, MAGIC, file_records
 from shared.messaging.channels import CHANNELS, PREFIX, Channel, channel_of_key
 from shared.messaging.messages import Message
 
@@ -61,6 +62,9 @@ class FileOrderReading:
             try:
                 record = next(records)
             except StopIteration:
+                file.seek(-len(MAGIC), os.SEEK_END)
+                self.is_truncated = file.read() != MAGIC
+                self.num_read = self.num_bytes
                 return
             except BROKEN:
                 self.is_truncated = True
