@@ -16,11 +16,62 @@ import msgpack
 from shared.messaging.codec import encode
 from shared.messaging.messages import Message
 
-INTS = (0, 1, -1, 2, 7, 127, 128, 255, 256, 65535, 65536, 2**31 - 1, 2**31, 2**32, 2**53 + 1, 2**62, 2**63 - 1, -(2**63))
+INTS = (
+    0,
+    1,
+    -1,
+    2,
+    7,
+    127,
+    128,
+    255,
+    256,
+    65535,
+    65536,
+    2**31 - 1,
+    2**31,
+    2**32,
+    2**53 + 1,
+    2**62,
+    2**63 - 1,
+    -(2**63),
+)
 FLOATS = (0.0, -0.0, 1.0, -1.0, 1e-3, 5e-324, 1e-300, 1e6, 1e18, 1e154, 1e308, -1e308, 0.1)
 NOT_FINITE = (float("nan"), float("inf"), float("-inf"))
-TEXTS = ("", " ", "A", "B", "q1", "world", "map", "\x00", "\n", "../..", "é", "\U0001f916", "\u202e", "%s{0}", "-", "x" * 300, "*")
-FOREIGN: tuple[Any, ...] = (None, True, [], {}, [[]], b"", b"\x00", "1", [1, "a"], {"a": 1}, [[1, 2], [3]], [None], 2**64 - 1)
+TEXTS = (
+    "",
+    " ",
+    "A",
+    "B",
+    "q1",
+    "world",
+    "map",
+    "\x00",
+    "\n",
+    "../..",
+    "é",
+    "\U0001f916",
+    "\u202e",
+    "%s{0}",
+    "-",
+    "x" * 300,
+    "*",
+)
+FOREIGN: tuple[Any, ...] = (
+    None,
+    True,
+    [],
+    {},
+    [[]],
+    b"",
+    b"\x00",
+    "1",
+    [1, "a"],
+    {"a": 1},
+    [[1, 2], [3]],
+    [None],
+    2**64 - 1,
+)
 
 
 def payload_like(message: Message, rng: random.Random, *, is_command: bool) -> bytes:

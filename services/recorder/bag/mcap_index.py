@@ -33,10 +33,9 @@ def index_of(path: Path) -> Index | None:
                 return None
             file.seek(0)
             reader = SeekingReader(file, validate_crcs=True, record_size_limit=size_of(file))
-            summary = reader.get_summary()
+            if (summary := reader.get_summary()) is None or summary.statistics is None:
+                return None  # without an index the library would read all of the file
             metadata = {entry.name: dict(entry.metadata) for entry in reader.iter_metadata()}
     except (OSError, *BROKEN):
-        return None
-    if summary is None or summary.statistics is None:
         return None
     return Index(summary, summary.statistics, metadata)

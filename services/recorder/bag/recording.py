@@ -42,7 +42,7 @@ class Recording:
             with path.open("rb") as file:
                 reader = SeekingReader(file, record_size_limit=size_of(file))
                 summary = reader.get_summary()
-                metadata = {entry.name: dict(entry.metadata) for entry in reader.iter_metadata()}
+                metadata = {entry.name: dict(entry.metadata) for entry in reader.iter_metadata()} if summary else {}
         except (OSError, *BROKEN) as error:
             reason = str(error) or type(error).__name__
             raise InputFileError(f"{path}: not a complete recording: {reason}") from error

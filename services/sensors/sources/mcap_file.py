@@ -78,6 +78,7 @@ def _indexed_topics(file: IO[bytes]) -> dict[str, str]:
     """Those in the summary at the end of the file; none if it has none."""
     if not _has_end(file):
         return {}
+    file.seek(0)
     summary = SeekingReader(file, record_size_limit=size_of(file)).get_summary()
     return _Catalogue().topics([*summary.schemas.values(), *summary.channels.values()]) if summary else {}
 
