@@ -40,7 +40,8 @@ class Outcome:
     def row(self) -> str:
         """For people."""
         found = ", ".join(map(str, self.findings)) or ("-" if self.exit_code == 0 else f"exit code {self.exit_code}")
-        return f"{self.name:16}{self.num_runs:>10}{self.num_covered:>10}{self.peak_rss_mib:>10}{self.seconds:>8.0f}  {found}"
+        numbers = f"{self.num_runs:>10}{self.num_covered:>10}{self.peak_rss_mib:>10}{self.seconds:>8.0f}"
+        return f"{self.name:16}{numbers}  {found}"
 
 
 def main() -> int:

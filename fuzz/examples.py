@@ -140,9 +140,8 @@ def stl() -> list[bytes]:
 
 def obj() -> list[bytes]:
     """A triangle and a quad, with what else stands in such files."""
-    return [
-        b"mtllib a.mtl\no a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvn 0 0 1\nusemtl m\nf 1/1/1 2//1 3\nf -1 2 3 1\n"
-    ]
+    vertices = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvn 0 0 1\n"
+    return [b"mtllib a.mtl\no a\n" + vertices + b"usemtl m\nf 1/1/1 2//1 3\nf -1 2 3 1\n"]
 
 
 def ply_mesh() -> list[bytes]:
@@ -168,7 +167,8 @@ def sdf() -> list[bytes]:
     plane = "<collision name='c'><geometry><plane><normal>0 0 1</normal></plane></geometry></collision>"
     models = f"<model name='g'><link name='l'>{plane}</link></model>"
     models += f"<model name='b'><pose>0 0 1 0 0 0</pose><link name='l'>{box_sdf}</link></model>"
-    state = "<state world_name='w'><model name='b'><pose>1 0 1 0 0 1.57</pose><link name='l'><pose>1 0 1 0 0 0</pose></link></model></state>"
+    link = "<link name='l'><pose>1 0 1 0 0 0</pose></link>"
+    state = f"<state world_name='w'><model name='b'><pose>1 0 1 0 0 1.57</pose>{link}</model></state>"
     return [f"<sdf version='1.6'><world name='w'>{models}{state}</world></sdf>".encode()]
 
 

@@ -56,7 +56,7 @@ def nodes(folder: Path) -> dict[str, Node]:
 
 
 def said_by(sim: Node, lidar: Node, num_steps: int = 30) -> Iterator[tuple[Channel, Message]]:
-    """What a simulation and a LiDAR say at their begin: with it the others know robot, structure and where it stands."""
+    """What a simulation and a LiDAR say at their begin: from it the others know robot, structure and stance."""
     waiting = [*_addressed(sim, sim.on_start())]
     for _ in range(num_steps):
         waiting += _addressed(sim, sim.on_timer())

@@ -16,26 +16,7 @@ import msgpack
 from shared.messaging.codec import encode
 from shared.messaging.messages import Message
 
-INTS = (
-    0,
-    1,
-    -1,
-    2,
-    7,
-    127,
-    128,
-    255,
-    256,
-    65535,
-    65536,
-    2**31 - 1,
-    2**31,
-    2**32,
-    2**53 + 1,
-    2**62,
-    2**63 - 1,
-    -(2**63),
-)
+INTS = (0, 1, -1, 2, 7, 127, 128, 255, 256, 65535, 65536, 2**31 - 1, 2**31, 2**32, 2**53 + 1, 2**63 - 1, -(2**63))
 FLOATS = (0.0, -0.0, 1.0, -1.0, 1e-3, 5e-324, 1e-300, 1e6, 1e18, 1e154, 1e308, -1e308, 0.1)
 NOT_FINITE = (float("nan"), float("inf"), float("-inf"))
 TEXTS = (

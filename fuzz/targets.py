@@ -1,7 +1,8 @@
-"""The readers, each as a function of bytes that either reads them or raises an error that this project raises on purpose."""
+"""The readers, each as a function of bytes that reads them or raises an error that this project raises on purpose."""
 
 from __future__ import annotations
 
+import atexit
 import os
 import tempfile
 from collections.abc import Callable
@@ -84,8 +85,9 @@ def _file(read: Callable[[Path], object], suffix: str) -> Callable[[bytes], obje
     memory = Path("/dev/shm")  # noqa: S108 - a folder of our own is made in it
     folder = tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None)
     path = Path(folder.name) / f"given{suffix}"
+    atexit.register(folder.cleanup)
 
-    def read_file(data: bytes, _folder: object = folder) -> object:
+    def read_file(data: bytes) -> object:
         path.write_bytes(data)
         return read(path)
 

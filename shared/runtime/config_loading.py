@@ -39,11 +39,11 @@ def load_config(
     tree = _read_yaml(path)
     problems: list[str] = []
     origins: Origins = {}
-    for name, text in sorted((environ or {}).items()):
+    for name, text in sorted((_printable(name), _printable(text)) for name, text in (environ or {}).items()):
         if name.startswith(ENVIRONMENT_PREFIX):
             keys = name.removeprefix(ENVIRONMENT_PREFIX).lower().split(ENVIRONMENT_SEPARATOR)
             _set(tree, keys, text, f"environment {name}", origins, problems)
-    for override in overrides:
+    for override in map(_printable, overrides):
         dotted, equals, text = override.partition("=")
         if not equals:
             problems.append(f"--set {override}: must be section.key=value")
@@ -56,6 +56,11 @@ def load_config(
     if problems:
         raise ConfigError(problems)
     return config
+
+
+def _printable(text: str) -> str:
+    """Bytes of the command line that are not UTF-8, as escapes: they are quoted in errors."""
+    return text.encode(errors="backslashreplace").decode()
 
 
 def dump_config(config: Config) -> str:
