@@ -34,25 +34,11 @@ from tests.support.recordings import write_recording
 _NS = 10**9
 
 
-def nodes(folder: Path) -> dict[str, Node]:
-    """Every service by name, the simulation in both modes; recordings go into the folder."""
-    config = load_config(overrides=[f"recorder.directory={folder}"])
-    dynamic = load_config(overrides=["sim.mode=dynamic"])
-    context = Context(clock_ns=monotonic_ns)
-    return {
-        "sim": sim_node(config, context),
-        "sim_dynamic": sim_node(dynamic, context),
-        "planner": planner_node(config, context),
-        "player": player_node(config, context),
-        "recorder": recorder_node(config, context),
-        "replay": _replay(folder / "replayed.mcap", context),
-        "lidar": sensor_node("lidar", config, context),
-        "depth": sensor_node("depth", config, context),
-        "mapper": mapper_node(config, context),
-        "evaluator": evaluator_node(config, context),
-        "teleop": _teleop(config),
-        "viewer": viewer_node(LiveView(lambda drawings: list(drawings) and None), config, lambda: False),
-    }
+def build(name: str, folder: Path, context: Context | None = None) -> Node:
+    """One of `SERVICES`, the simulation in both modes; recordings go into the folder."""
+    mode = "dynamic" if name == "sim_dynamic" else "kinematic"
+    config = load_config(overrides=[f"recorder.directory={folder}", f"sim.mode={mode}"])
+    return SERVICES[name](config, context or Context(clock_ns=monotonic_ns))
 
 
 def said_by(sim: Node, lidar: Node, num_steps: int = 30) -> Iterator[tuple[Channel, Message]]:
@@ -75,7 +61,8 @@ def _addressed(node: Node, messages: Messages) -> Iterator[tuple[Channel, Messag
             yield routes[type(said)], said
 
 
-def _replay(path: Path, context: Context) -> Node:
+def _replay(config: Config, context: Context) -> Node:
+    path = config.recorder.directory / "replayed.mcap"
     channels = (c.ROBOT_DESCRIPTION, c.CLOCK, c.LIDAR_POINTS)
     write_recording(path)
     options = ReplayOptions(
@@ -85,7 +72,12 @@ def _replay(path: Path, context: Context) -> Node:
     return replay_node(replay, channels, context, is_lockstep=False)
 
 
-def _teleop(config: Config) -> Node:
+def _viewer(config: Config, _context: Context) -> Node:
+    """What it draws is made and thrown away."""
+    return viewer_node(LiveView(lambda drawings: list(drawings) and None), config, lambda: False)
+
+
+def _teleop(config: Config, _context: Context) -> Node:
     """Without its page."""
     teleop = Teleop(config.teleop, np.full(8, 0.5), {"zero": np.zeros(8)}, ["climb"])
     noted = (c.JOINTS_STATE, c.LEG_STATE, c.FOOT_STATUS, c.TF, c.CLOCK, c.LIDAR_POINTS, c.MAP_CLOUD, c.MAP_PLANES)
@@ -107,3 +99,19 @@ def _teleop(config: Config) -> Node:
         },
         outputs=(c.JOINTS_TARGET, c.LEG_TARGET, c.SIM_CONTROL, c.RECORDER_CONTROL, c.ROBOT_STOP),
     )
+
+
+SERVICES: dict[str, Callable[[Config, Context], Node]] = {
+    "sim": sim_node,
+    "sim_dynamic": sim_node,
+    "planner": planner_node,
+    "player": player_node,
+    "recorder": recorder_node,
+    "replay": _replay,
+    "lidar": partial(sensor_node, "lidar"),
+    "depth": partial(sensor_node, "depth"),
+    "mapper": mapper_node,
+    "evaluator": evaluator_node,
+    "teleop": _teleop,
+    "viewer": _viewer,
+}

@@ -8,6 +8,7 @@ Poses travel as (7,) x y z in metres and the quaternion x y z w; use `SE3.from_x
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -19,6 +20,7 @@ from shared.messaging.values import (
     ACTUATOR_NAMES as ACTUATOR_NAMES,
     JOINT_NAMES as JOINT_NAMES,
     MAX_PIXELS as MAX_PIXELS,
+    MAX_PLACE_M as MAX_PLACE_M,
     MAX_SPEED as MAX_SPEED,
     MAX_STAMP_NS as MAX_STAMP_NS,
     Actuators as Actuators,
@@ -43,6 +45,9 @@ from shared.messaging.values import (
     Vector as Vector,
     Wrench as Wrench,
 )
+
+_MIN_LENGTH = 1e-6
+"""Of a direction; its inverse is the largest."""
 
 
 class Message:
@@ -154,7 +159,8 @@ class FootTarget(Message):
     foot: None = the free one. With a point the foot's turn about the normal is left to the planner.
 
     Raises:
-        MessageError: neither or both of a pose and a point, a point without its normal, a normal of length 0.
+        MessageError: neither or both of a pose and a point, a point without its normal, a normal too short or long,
+            a place farther than `MAX_PLACE_M`.
     """
 
     foot: Foot | None = None
@@ -168,8 +174,11 @@ class FootTarget(Message):
             raise MessageError("a foot target is either T_world_foot, or point_m and normal")
         if (self.point_m is None) != (self.normal is None):
             raise MessageError("point_m and normal belong together")
-        if self.normal is not None and np.linalg.norm(self.normal) < 1e-6:
-            raise MessageError("normal must not be of length 0")
+        if self.normal is not None and not _MIN_LENGTH <= math.hypot(*self.normal) <= 1 / _MIN_LENGTH:
+            raise MessageError(f"normal must be of length {_MIN_LENGTH:g} to {1 / _MIN_LENGTH:g}")
+        place = self.point_m if self.T_world_foot is None else self.T_world_foot[:3]
+        if np.abs(place).max() > MAX_PLACE_M:
+            raise MessageError(f"a place is farther than {MAX_PLACE_M:g} m from the origin")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

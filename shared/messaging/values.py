@@ -38,6 +38,8 @@ MAX_COUNT = 2**63 - 1
 """Counters stay there: losses are counted by the numbers that others send."""
 MAX_PIXELS = 2**16
 """Of an image's side, and of what is measured in its pixels."""
+MAX_PLACE_M = 1e6
+"""Beyond any structure: what a command says to be farther is a wrong unit."""
 MAX_SPEED = 1e6
 """Of a replay: recorded seconds a second."""
 JOINT_NAMES = ("q1", "q2", "q3", "q4", "q5", "q6", "q7", "q8")
