@@ -220,6 +220,8 @@ class ServiceLoop:
     def _refuse(self, parcel: Parcel, reason: str, *, is_message: bool) -> None:
         self._traffic.refused(parcel.key, is_message=is_message)
         reason = reason[:_MAX_REASON_CHARS]
+        if parcel.reply is not None:
+            parcel.reply(False, reason)
         if parcel.channel is EVENTS:
             log.warning("refused", reason=reason)
             return  # an event about an event could be refused in turn, without end
@@ -233,8 +235,6 @@ class ServiceLoop:
             refused_key=parcel.key if parcel.channel.is_command else "",
         )
         self._send([event])
-        if parcel.reply is not None:
-            parcel.reply(False, reason)
 
     def _send(self, messages: Messages) -> None:
         for said in messages:
