@@ -29,7 +29,7 @@ from fuzz.facades import SERVICES, build, said_by
 from fuzz.mutations import payload_like
 from shared.errors import CodecError
 from shared.messaging.bus import Bus, open_router
-from shared.messaging.channels import CHANNELS, EVENTS, HEALTH, ROBOT_STOP, Channel
+from shared.messaging.channels import CHANNELS, HEALTH, Channel
 from shared.messaging.codec import decode, decode_command, from_text, to_text
 from shared.messaging.inbox import Inbox, Parcel
 from shared.messaging.messages import Health, Message
@@ -40,11 +40,18 @@ from tests.support.examples import EXAMPLES
 from tests.support.processes import free_endpoint
 
 _OUT = Path("docs/benchmarks")
-_SHARES = {"sim": 80, "recorder": 60, "replay": 40, "sim_dynamic": 10, "mapper": 10, "lidar": 5, "depth": 5, "planner": 2}
+_SHARES = {
+    "sim": 80,
+    "recorder": 60,
+    "replay": 40,
+    "sim_dynamic": 10,
+    "mapper": 10,
+    "lidar": 5,
+    "depth": 5,
+    "planner": 2,
+}
 _SHARE = 20
 """Those that take commands get most; those whose answer takes long, such as a planned step, get less."""
-_ENDS_IT = {EVENTS.key, ROBOT_STOP.key}
-"""A refusal or a stop ends a player, as it shall: it gets what else it takes."""
 _WARM_UP = 0.3
 _MIB = 1024 * 1024
 
@@ -79,6 +86,7 @@ class Payloads:
                 self._examples[type(message)].append(message)
 
     def of(self, message_type: type[Message], *, is_command: bool) -> bytes:
+        """Nearly a message of this type."""
         return payload_like(self._rng.choice(self._examples[message_type]), self._rng, is_command=is_command)
 
 
@@ -92,6 +100,7 @@ class Feeder:
         self.rss_warm_mib = 0.0
 
     def is_done(self) -> bool:
+        """Whether all have been answered."""
         if self._num_left:
             return False
         self._num_warm -= 1
@@ -118,7 +127,7 @@ def through_the_runner(
         for known, handle in node.inputs.items():
             if known.key == channel.key:
                 list(handle(message))
-    channels = [channel for channel in node.inputs if name != "player" or channel.key not in _ENDS_IT]
+    channels = list(node.inputs)
 
     def parcels() -> Iterator[Parcel]:
         for _ in range(num):
@@ -189,6 +198,13 @@ def through_the_codec(num: int, payloads: Payloads, rng: random.Random) -> list[
     return outcomes
 
 
+def _shared_out(num: int) -> dict[str, int]:
+    """How many each service gets; what is left over goes to the simulation."""
+    shares = {name: _SHARES.get(name, _SHARE) for name in SERVICES if name != "player"}  # which ends when refused
+    nums = {name: num * share // sum(shares.values()) for name, share in shares.items()}
+    return {**nums, "sim": nums["sim"] + num - sum(nums.values())}
+
+
 def _rss_mib() -> float:
     gc.collect()
     return psutil.Process().memory_info().rss / _MIB
@@ -199,11 +215,9 @@ def table(outcomes: list[Outcome], bus: dict[str, object] | None) -> str:
     lines = ["| service or entry | keys | payloads | received | refused | a payload (us) | RSS warm, end (MiB) |"]
     lines.append("|---|---|---|---|---|---|---|")
     for of in outcomes:
-        pace = 1e6 * of.seconds / of.num_sent
-        rss = f"{of.rss_warm_mib:.0f}, {of.rss_end_mib:.0f}"
-        lines.append(
-            f"| {of.name} | {of.num_keys} | {of.num_sent:,} | {of.num_received:,} | {of.num_refused:,} | {pace:.0f} | {rss} |"
-        )
+        pace, rss = 1e6 * of.seconds / of.num_sent, f"{of.rss_warm_mib:.0f}, {of.rss_end_mib:.0f}"
+        counts = f"{of.num_sent:,} | {of.num_received:,} | {of.num_refused:,}"
+        lines.append(f"| {of.name} | {of.num_keys} | {counts} | {pace:.0f} | {rss} |")
     total = [sum(getattr(of, name) for of in outcomes) for name in ("num_sent", "num_received", "num_refused")]
     lines.append(f"| **all** | | {total[0]:,} | {total[1]:,} | {total[2]:,} | | |")
     return "\n".join(lines) + "\n"
@@ -226,10 +240,8 @@ def main() -> int:
         payloads = Payloads(rng, good)
         num_entry = (arguments.num - arguments.num_bus) // 10
         outcomes += through_the_codec(num_entry, payloads, rng)
-        shares = {name: _SHARES.get(name, _SHARE) for name in SERVICES}
         rest = arguments.num - arguments.num_bus - 4 * num_entry
-        for name, share in shares.items():
-            num = rest * share // sum(shares.values()) + rest % sum(shares.values()) * (name == "sim")
+        for name, num in _shared_out(rest).items():
             outcomes.append(through_the_runner(name, folder, num, payloads, good, rng))
             print(outcomes[-1], file=sys.stderr, flush=True)
         on_bus = over_the_bus(arguments.num_bus, payloads, folder) if arguments.num_bus else None

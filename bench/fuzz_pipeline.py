@@ -1,4 +1,4 @@
-"""Fuzzed payloads as real puts into a real pipeline: who got them, what was refused, that all are alive and no larger."""
+"""Fuzzed payloads as real puts into a real pipeline: who got them, what was refused, who is alive, who has grown."""
 
 from __future__ import annotations
 

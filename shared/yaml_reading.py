@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from typing import Any
 
@@ -9,6 +10,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
 
+MAX_DEPTH = 100
+"""Of brackets in brackets."""
 MAX_NODES = 1_000_000
 """Values, lists and maps, those counted again that an alias (`*name`) repeats."""
 
@@ -24,6 +27,7 @@ def load_yaml(text: str, source: str) -> Any:
         YamlError: not YAML, nested too deeply, or more than `MAX_NODES` once its aliases are resolved.
     """
     try:
+        _check_depth(text)
         if "&" in text:
             _check_aliases(text)
         return YAML(typ="safe", pure=True).load(text)
@@ -35,6 +39,15 @@ def load_yaml(text: str, source: str) -> Any:
         raise YamlError(f"{source}{place}: not valid YAML: {getattr(error, 'problem', None) or error}") from error
     except Exception as error:  # the library raises what int, float and datetime raise, and more
         raise YamlError(f"{source}: not valid YAML: {error or type(error).__name__}") from error
+
+
+def _check_depth(text: str) -> None:
+    """Counts brackets, those in quotes too: the library takes minutes to find that some thousands are not closed."""
+    depth = 0
+    for bracket in re.finditer(r"[\[\]{}]", text):
+        depth = depth + 1 if bracket[0] in "[{" else max(depth - 1, 0)
+        if depth > MAX_DEPTH:
+            raise RecursionError
 
 
 def _check_aliases(text: str) -> None:
