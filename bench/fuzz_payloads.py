@@ -19,6 +19,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import psutil
 import structlog
@@ -73,6 +74,18 @@ class Outcome:
     def is_balanced(self) -> bool:
         """Whether each payload was either received or refused."""
         return self.num_sent == self.num_received + self.num_refused
+
+    def with_more(self, other: Outcome) -> Outcome:
+        """With the counts of another run; of memory that of the run which grew more."""
+        grown = max(self, other, key=lambda of: of.rss_end_mib - of.rss_warm_mib)
+        return replace(
+            grown,
+            num_keys=max(self.num_keys, other.num_keys),
+            num_sent=self.num_sent + other.num_sent,
+            num_received=self.num_received + other.num_received,
+            num_refused=self.num_refused + other.num_refused,
+            seconds=self.seconds + other.seconds,
+        )
 
 
 class Payloads:
@@ -210,7 +223,7 @@ def _rss_mib() -> float:
     return psutil.Process().memory_info().rss / _MIB
 
 
-def table(outcomes: list[Outcome], bus: dict[str, object] | None) -> str:
+def table(outcomes: list[Outcome]) -> str:
     """For docs/benchmarks."""
     lines = ["| service or entry | keys | payloads | received | refused | a payload (us) | RSS warm, end (MiB) |"]
     lines.append("|---|---|---|---|---|---|---|")
@@ -230,7 +243,10 @@ def main() -> int:
     parser.add_argument("--num-bus", type=int, default=20_000, help="of them over a real bus; 0 = none")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, default=_OUT)
+    parser.add_argument("--merge", type=Path, nargs="+", default=[], help="only adds up the JSON of earlier runs")
     arguments = parser.parse_args()
+    if arguments.merge:
+        return _written([json.loads(path.read_text()) for path in arguments.merge], arguments.out)
     structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.CRITICAL))
     rng = random.Random(arguments.seed)  # noqa: S311 - fuzzing
     outcomes: list[Outcome] = []
@@ -245,11 +261,24 @@ def main() -> int:
             outcomes.append(through_the_runner(name, folder, num, payloads, good, rng))
             print(outcomes[-1], file=sys.stderr, flush=True)
         on_bus = over_the_bus(arguments.num_bus, payloads, folder) if arguments.num_bus else None
-    result = {"seed": arguments.seed, "in_process": [asdict(of) for of in outcomes], "bus": on_bus}
-    (arguments.out / "bad_input.json").write_text(json.dumps(result, indent=1) + "\n")
-    print(table(outcomes, on_bus))
-    print(json.dumps(on_bus, indent=1))
-    return int(not all(of.is_balanced for of in outcomes))
+    result = {"seeds": [arguments.seed], "in_process": [asdict(of) for of in outcomes], "bus": on_bus}
+    return _written([result], arguments.out)
+
+
+def _written(results: list[dict[str, Any]], out: Path) -> int:
+    """Adds up runs of other seeds, which may be done in turn, and writes what came of them."""
+    by_name: dict[str, Outcome] = {}
+    for each in (Outcome(**fields) for result in results for fields in result["in_process"]):
+        by_name[each.name] = by_name[each.name].with_more(each) if each.name in by_name else each
+    outcomes = list(by_name.values())
+    bus = next((result["bus"] for result in results if result["bus"]), None)
+    seeds = [seed for result in results for seed in result["seeds"]]
+    merged = {"seeds": seeds, "in_process": [asdict(of) for of in outcomes], "bus": bus}
+    (out / "bad_input.json").write_text(json.dumps(merged, indent=1) + "\n")
+    print(table(outcomes))
+    print(json.dumps(bus, indent=1))
+    is_whole = bus is None or not bus["unbalanced"]
+    return int(not (is_whole and all(of.is_balanced for of in outcomes)))
 
 
 if __name__ == "__main__":

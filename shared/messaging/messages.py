@@ -549,7 +549,10 @@ class Event(Measurement):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChannelCount(Message):
-    """What one service did with one key: messages sent, received, missed on the way, dropped by itself, refused."""
+    """What one service did with one key: messages sent, received, missed on the way, dropped by itself, refused.
+
+    num_refused: bytes that are no message, and messages that could not be carried out; no other was received, too.
+    """
 
     key: str
     num_sent: int = 0
