@@ -10,6 +10,9 @@ from shared.messaging.messages import ChannelCount, Health, Measurement, Message
 from shared.messaging.sequence import SequenceCounter
 from shared.runtime.health import source_of
 
+_MAX_PUBLISHERS = 10_000
+"""Far more than there are: whoever invents further ones is not followed."""
+
 
 @dataclass(slots=True)
 class _Publisher:
@@ -86,6 +89,8 @@ class BusCounts:
             publisher.settle()
 
     def _of(self, key: str, source: str) -> _Publisher:
+        if (key, source) not in self._publishers and len(self._publishers) >= _MAX_PUBLISHERS:
+            return _Publisher()
         return self._publishers.setdefault((key, source), _Publisher())
 
 

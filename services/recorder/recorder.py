@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from services.recorder.rotation import is_repeated_in_each_file, num_files_in
 from services.recorder.run import Run
 from services.recorder.selection import Selection, problem_with
 from services.recorder.state import RecorderState
-from shared.errors import ConfigError, InputFileError, RefusedError
+from shared.errors import ConfigError, InputFileError, MessageError, RefusedError
 from shared.messaging.channels import CHANNELS, PREFIX, RECORDER_CONTROL, Channel, channel_of_key
 from shared.messaging.messages import (
     Event,
@@ -31,6 +31,7 @@ from shared.runtime.config import RecorderConfig
 from shared.runtime.run_folder import make_run_folder, new_run_name
 
 _MAX_EARLY = 1000
+_MAX_SERVICES = 1000
 _MAX_STOP_S = 10.0
 _MAX_END_S = 2.0
 """At the end of the process, which a supervisor does not wait for without end."""
@@ -59,9 +60,10 @@ class Recorder:
         self._bus = BusCounts()
         self._kept: dict[str, Record] = {}
         self._stamp_ns: int | None = None
-        self._waiting: list[tuple[Channel, Message, int]] = []
+        self._waiting: deque[tuple[Channel, Message, int]] = deque()
         self._num_commands: Counter[str] = Counter()
         self._num_statuses = 0
+        self._services: set[str] = set()
         self._news = News()
         self._restored: RecorderState | None = None
         self._wanted: tuple[str, tuple[str, ...]] = "", ()
@@ -110,9 +112,14 @@ class Recorder:
         return [Event(stamp_ns=0, seq=0, frame="", source="recorder", severity=Severity.WARNING, text=text)]
 
     def add(self, channel: Channel, message: Message) -> list[Message]:
-        """Records one message."""
+        """Records one message.
+
+        Raises:
+            MessageError: it has a number that its ROS type cannot hold, or it is of one service too many.
+        """
         concrete = channel.of(message.service) if isinstance(message, Health) else channel
         if isinstance(message, Health):
+            self._note_service(message.service)
             self._bus.heard(message)
         num_missed = self._bus.received(concrete.key, message)
         stamp_ns = _time_of(message)
@@ -166,6 +173,12 @@ class Recorder:
             return {}
         return {PREFIX + record.key: record.num_lost_to_disk for record in self._run.records({})}
 
+    def _note_service(self, name: str) -> None:
+        """Each service is a topic of its own in the file, which holds so many."""
+        if name not in self._services and len(self._services) >= _MAX_SERVICES:
+            raise MessageError(f"{name[:40]!r} is one service too many: {_MAX_SERVICES} are recorded")
+        self._services.add(name)
+
     # ---- the run
 
     def _begin(self, name: str, patterns: tuple[str, ...], *, is_going_on: bool = False) -> None:
@@ -197,9 +210,8 @@ class Recorder:
         )
 
     def _put_waiting(self) -> None:
-        waiting, self._waiting = self._waiting, []
-        for channel, message, num_missed in waiting:
-            self._put(channel, message, num_missed)
+        while self._waiting:  # one that is refused leaves the others
+            self._put(*self._waiting.popleft())
 
     def _put(self, channel: Channel, message: Message, num_missed: int) -> None:
         is_repeated, run = is_repeated_in_each_file(channel), self._run

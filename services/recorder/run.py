@@ -12,6 +12,7 @@ from services.recorder.run_writer import RunWriter
 from services.recorder.selection import Selection
 from shared.messaging.channels import Channel
 from shared.messaging.messages import ChannelRecord
+from shared.messaging.values import MAX_COUNT
 from shared.runtime.config import RecorderConfig
 
 
@@ -104,7 +105,7 @@ class Run:
         for key, channel in sorted(self._channels.items()):
             num_received = writer.num_received[key]
             num_written, num_lost = progress.get(key, (0, 0))
-            num_missed = writer.num_missed[key] + outstanding.get(key, 0)
+            num_missed = min(writer.num_missed[key] + outstanding.get(key, 0), MAX_COUNT - num_received)
             records.append(
                 ChannelRecord(
                     key=key,

@@ -8,6 +8,13 @@ from dataclasses import dataclass, field
 
 from shared.messaging.messages import ChannelCount, Event, Measurement, Message
 from shared.messaging.sequence import SequenceCounter
+from shared.messaging.values import MAX_COUNT
+
+MAX_KEYS = 1000
+"""That are counted each by itself; whoever invents more of them is counted as one."""
+MAX_SOURCES = 1000
+"""Publishers of one key whose numbers are followed."""
+OTHER_KEYS = "hyrecro/**"
 
 
 @dataclass(slots=True)
@@ -24,6 +31,11 @@ class KeyTraffic:
     last_seq: int | None = None
     sources: dict[str, SequenceCounter] = field(default_factory=dict)
     waits_s: list[float] = field(default_factory=list)
+
+    def num_missed(self, num_dropped: int) -> int:
+        """By the gaps in `seq`, without those that the inbox made."""
+        num_missed = sum(counter.num_missed for counter in self.sources.values()) - num_dropped
+        return min(max(0, num_missed), MAX_COUNT)
 
 
 class Traffic:
@@ -48,15 +60,19 @@ class Traffic:
         if isinstance(message, Measurement):
             traffic.last_seq = message.seq
             self.stamp_ns = message.stamp_ns
-            traffic.sources.setdefault(source_of(message), SequenceCounter()).add(message.seq)
+            source = source_of(message)
+            if source in traffic.sources or len(traffic.sources) < MAX_SOURCES:
+                traffic.sources.setdefault(source, SequenceCounter()).add(message.seq)
 
     def waited(self, key: str, wait_s: float) -> None:
         """Notes how long a message lay in the inbox."""
         self._of(key).waits_s.append(wait_s)
 
-    def refused(self, key: str) -> None:
-        """Notes bytes that were no message, or a command that was refused."""
-        self._of(key).num_refused += 1
+    def refused(self, key: str, *, is_message: bool = False) -> None:
+        """Notes bytes that were no message, or a message that was received and then refused: it counts as refused."""
+        traffic = self._of(key)
+        traffic.num_refused += 1
+        traffic.num_received -= is_message
 
     def is_known(self, key: str, message: Message) -> bool:
         """Whether a message that was asked for has already come by itself."""
@@ -82,6 +98,8 @@ class Traffic:
         )
 
     def _of(self, key: str) -> KeyTraffic:
+        if key not in self._keys and len(self._keys) >= MAX_KEYS:
+            key = OTHER_KEYS
         return self._keys.setdefault(key, KeyTraffic())
 
 
@@ -92,7 +110,7 @@ def _count(key: str, traffic: KeyTraffic, num_dropped: int, num_lost: int, num_w
         num_sent=traffic.num_sent,
         num_bytes_sent=traffic.num_bytes_sent,
         num_received=traffic.num_received,
-        num_missed=max(0, sum(source.num_missed for source in traffic.sources.values()) - num_dropped),
+        num_missed=traffic.num_missed(num_dropped),
         num_dropped=num_dropped + num_lost,
         num_refused=traffic.num_refused,
         last_seq=traffic.last_seq,

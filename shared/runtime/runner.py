@@ -49,6 +49,8 @@ _MAX_WAIT_S = 0.1
 _DRAIN_QUIET_S = 0.3
 _MAX_DRAIN_S = 5.0
 """Half of what a supervisor waits before it kills."""
+_MAX_REASON_CHARS = 1000
+"""Of a refusal: what is refused may be quoted in it."""
 _MAX_TIMER_DELAY_S = 0.5
 """A timer that is later than this does not catch up: simulated time then runs slower than wall time."""
 
@@ -188,9 +190,10 @@ class ServiceLoop:
         channel, key = parcel.channel, parcel.key
         self._context.received_ns = parcel.received_ns
         self._traffic.waited(key, (self._context.clock_ns() - parcel.received_ns) * 1e-9)
+        message: Message | None = None
         try:
             if channel.is_command:
-                message: Message = decode_command(channel.message, parcel.payload)
+                message = decode_command(channel.message, parcel.payload)
             else:
                 message = decode(channel.message, parcel.payload, schema=parcel.schema)
             if parcel.is_replay and self._traffic.is_known(key, message):
@@ -198,13 +201,16 @@ class ServiceLoop:
             self._traffic.received(key, message)
             self._send(self._node.inputs[channel](message))
         except (CodecError, MessageError, RefusedError, InputFileError) as error:
-            self._refuse(parcel, f"{key}: {error}")
+            self._refuse(parcel, f"{key}: {error}", is_message=message is not None)
         else:
             if parcel.reply is not None:
                 parcel.reply(True, "")
 
-    def _refuse(self, parcel: Parcel, reason: str) -> None:
-        self._traffic.refused(parcel.key)
+    def _refuse(self, parcel: Parcel, reason: str, *, is_message: bool) -> None:
+        self._traffic.refused(parcel.key, is_message=is_message)
+        reason = reason[:_MAX_REASON_CHARS]
+        if parcel.reply is not None:
+            parcel.reply(False, reason)
         if parcel.channel is EVENTS:
             log.warning("refused", reason=reason)
             return  # an event about an event could be refused in turn, without end
@@ -218,8 +224,6 @@ class ServiceLoop:
             refused_key=parcel.key if parcel.channel.is_command else "",
         )
         self._send([event])
-        if parcel.reply is not None:
-            parcel.reply(False, reason)
 
     def _send(self, messages: Messages) -> None:
         messages = list(messages)

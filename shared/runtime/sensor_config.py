@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
+from shared.errors import InputFileError
+from shared.files import read_text
 from shared.runtime.section import CONFIGS_DIR, InputFile, Section, Vector3
+from shared.yaml_reading import load_yaml
 
 PRESETS_DIR = CONFIGS_DIR / "sensors"
 
@@ -91,9 +92,9 @@ def _preset_path(kind: str, preset: Path, base_dir: Path) -> Path:
 
 def _read_preset(path: Path, known: set[str]) -> dict[str, Any]:
     try:
-        settings = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
-    except (OSError, YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not readable as YAML: {getattr(error, 'problem', None) or error}") from error
+        settings = load_yaml(read_text(path), str(path))
+    except InputFileError as error:
+        raise ValueError(str(error)) from error
     if not isinstance(settings, dict):
         raise ValueError(f"{path}: must be a map of settings, is {type(settings).__name__}")
     if strange := [str(name) for name in settings if name not in known]:

@@ -124,15 +124,21 @@ def test_what_is_refused_says_why_in_the_reply_and_on_events(pipeline, value, re
 def test_garbage_on_every_key_kills_nothing(pipeline):
     before = {health.service: health.uptime_s for health in healths(pipeline)}
     keys = {channel.of("sim").key_expr for channel in CHANNELS if channel.is_recorded and channel is not ROBOT_STOP}
-    lines = [f"{key} {value}\n" for key in sorted(keys) for value in ("\x81\xa1q", "{", "x" * 5000)]
-    put = pipeline.zenoh("--cfg", PATIENCE, "put", "--line", "{key} {value}", stdin="".join(lines))
-    assert put.returncode == 0, put.stderr
+
+    def put(keys):
+        lines = [f"{key} {value}\n" for key in sorted(keys) for value in ("\x81\xa1q", "{", "x" * 5000)]
+        result = pipeline.zenoh("--cfg", PATIENCE, "put", "--line", "{key} {value}", stdin="".join(lines))
+        assert result.returncode == 0, result.stderr
+
+    put(keys)
 
     def has_counted():
         by_service = {health.service: health for health in healths(pipeline)}
         refused = {count.key for count in by_service["recorder"].channels if count.num_refused}
         is_alive = all(by_service[name].uptime_s > before[name] for name in ALL_SERVICES)
-        return is_alive and keys <= refused
+        if missing := keys - refused:  # a plain put may be dropped on a busy machine, like any LATEST message
+            put(missing)
+        return is_alive and not missing
 
     wait_until(has_counted, "every service alive and every refusal counted by the recorder")
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -47,7 +48,7 @@ def to_cdr(message: m.Message, stamp_ns: int) -> tuple[str, memoryview]:
     stamp_ns: simulated time put into the headers.
 
     Raises:
-        MessageError: the message type has no ROS form, or the stamp is no ROS time.
+        MessageError: the message type has no ROS form, a number in it does not fit, or the stamp is no ROS time.
     """
     form = ROS_FORMS.get(type(message))
     if form is None:
@@ -55,7 +56,10 @@ def to_cdr(message: m.Message, stamp_ns: int) -> tuple[str, memoryview]:
         raise MessageError(f"{type(message).__name__} has no ROS form; these have one: {known}")
     if not 0 <= stamp_ns <= m.MAX_STAMP_NS:
         raise MessageError(f"{type(message).__name__}: stamp_ns is {stamp_ns}, must be within 0 .. {m.MAX_STAMP_NS}")
-    data = ros.typestore().serialize_cdr(form.build(message, stamp_ns), form.ros_type, little_endian=True)
+    try:
+        data = ros.typestore().serialize_cdr(form.build(message, stamp_ns), form.ros_type, little_endian=True)
+    except (struct.error, OverflowError, ValueError) as error:
+        raise MessageError(f"{type(message).__name__}: {form.ros_type} cannot hold it: {error}") from error
     return form.ros_type, data
 
 

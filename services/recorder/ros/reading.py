@@ -15,6 +15,7 @@ import numpy as np
 from services.recorder.ros import command_reading as commands, schemas as ros, sensor_reading as sensors
 from services.recorder.ros.messages import LOG_LEVELS
 from services.recorder.ros.sensor_reading import stamp_ns_of
+from shared.errors import MessageError
 from shared.messaging import messages as m
 from shared.messaging.channels import Channel
 from shared.xml_reading import XmlError, root_of
@@ -27,14 +28,17 @@ def from_cdr(channel: Channel, data: bytes, seq: int, stamp_ns: int = 0) -> m.Me
 
     Raises:
         ValueError: the channel's messages cannot be read back.
-        MessageError, or what the ROS library raises: the bytes are not such a message.
+        MessageError: the bytes are not such a message.
     """
     read = _FROM_ROS.get(channel.message)
     if read is None:
         raise ValueError(f"{channel.key}: its messages cannot be read back from a recording")
-    message = read(ros.typestore().deserialize_cdr(data, channel.ros_type), seq)
-    if isinstance(message, m.RobotDescription | m.FixedFootDescription | m.StructureDescription):
-        return replace(message, stamp_ns=stamp_ns)
+    try:
+        message = read(ros.typestore().deserialize_cdr(data, channel.ros_type), seq)
+        if isinstance(message, m.RobotDescription | m.FixedFootDescription | m.StructureDescription):
+            return replace(message, stamp_ns=stamp_ns)
+    except Exception as error:  # the ROS library and numpy raise anything on bytes that are not what they should be
+        raise MessageError(" ".join(str(error).split()) or type(error).__name__) from error
     return message
 
 
