@@ -19,6 +19,7 @@ from cli.playback import play_trajectory
 from cli.report import RunReport, score_run
 from shared.runtime.config import Config
 from shared.runtime.exit_codes import Exit
+from shared.runtime.logs import configure_logs
 from shared.runtime.ports import free_endpoint
 from shared.runtime.run_folder import run_folder, run_name
 from shared.runtime.snapshots import state_folder
@@ -32,6 +33,7 @@ _SETTLE_S = 1.5
 
 def run_demo(config_path: Path, overrides: list[str], *, is_json: bool) -> int:
     """Runs the demo; exit code 3 where messages or track were lost or a service was restarted, 130 after Ctrl-C."""
+    configure_logs(verbosity=-1)
     config = resolved(config_path, overrides)
     endpoint = free_endpoint(config.bus.endpoint)
     if endpoint != config.bus.endpoint:

@@ -64,7 +64,7 @@ def test_killed_and_frozen_services_are_back_and_it_is_said(pipeline, bus):
     mapper.send_signal(signal.SIGKILL)
     lidar.send_signal(signal.SIGSTOP)
     wait_for_event(events, r"^mapper was killed by SIGKILL; it is back after \d+\.\d s \(1 restart\)$")
-    wait_for_event(events, r"^lidar gave no sign of life for [12]\.\d s; it is back after")
+    wait_for_event(events, r"^lidar gave no sign of life for \d\.\d s; it is back after")
     assert not lidar.is_running()
     assert "mapper was killed by SIGKILL, is started again now" in (pipeline.directory / "stderr.txt").read_text()
     wait_for_services(pipeline, ALL_SERVICES)
@@ -82,7 +82,7 @@ def test_when_a_frozen_router_is_back_everything_is(pipeline, bus):
     router = process_of(pipeline, "cli.main router")
     router.send_signal(signal.SIGSTOP)
     wait_for_another(pipeline, "cli.main router", router)
-    wait_for_event(events, r"^router gave no sign of life for [12]\.\d s; it is back after")
+    wait_for_event(events, r"^router gave no sign of life for \d\.\d s; it is back after")
     assert bus.alive() >= ALL_SERVICES
     list(messages_of(joints))
     wait_until(lambda: joints.take(0.1), "a state after the router's return")
