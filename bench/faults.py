@@ -85,6 +85,10 @@ class Pipeline:
                 self._bus.subscribe(channel, self._inbox)
             yield
 
+    def alive(self) -> set[str]:
+        """The services that are ready, as the router knows."""
+        return self._bus.alive()
+
     def victim(self, name: str) -> psutil.Process:
         """The process of that name that runs now."""
         for child in psutil.Process(self.up.pid).children(recursive=True):
@@ -129,6 +133,7 @@ def kill_once(pipeline: Pipeline, name: str, signum: signal.Signals, begun_s: fl
     process.send_signal(signum)
     what = f"{name} after {signum.name}"
     _wait_for(lambda: not _is_running(process), _WHOLE_TIMEOUT_S, f"the end of {what}")
+    _wait_for(lambda: name not in pipeline.alive(), _WHOLE_TIMEOUT_S, f"everyone knowing of the end of {what}")
     whole_s = pipeline.wait_until_whole(killed_s, _WHOLE_TIMEOUT_S, what)
     return Kill(name, signum.name, round(killed_s - begun_s, 3), round(whole_s, 3))
 
@@ -210,6 +215,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     parser.add_argument("--keep", type=Path, help="folder for recording and logs; default: none is left")
     arguments = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that the pipeline is ended, too
     with tempfile.TemporaryDirectory() as name:
         folder = arguments.keep or Path(name)
         folder.mkdir(parents=True, exist_ok=True)

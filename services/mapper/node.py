@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 from services.mapper.in_turn import InTurn
 from services.mapper.mapper import Mapper
@@ -43,13 +43,20 @@ def build_node(config: Config, context: Context) -> Node:
         InputFileError: the map to begin with is not usable.
     """
     mapper = load_mapper(config.mapper, context.clock_ns)
+    in_turn = InTurn(mapper, config.mapper)
+
+    def restore(states: Mapping[str, Any]) -> Messages:
+        if len(states["pose"].motion.readings.stamps_ns):
+            in_turn.expect_joints()
+        return mapper.restore(states["pose"], states["map"])
+
     return Node(
         name="mapper",
-        inputs=inputs_of(mapper, InTurn(mapper, config.mapper), config.mapper, lambda: context.received_ns),
+        inputs=inputs_of(mapper, in_turn, config.mapper, lambda: context.received_ns),
         outputs=(MAP_ODOMETRY, MAP_STATUS, MAP_CLOUD, MAP_PLANES),
         memory=Memory(
             {"pose": Part(PoseState, mapper.pose_snapshot), "map": Part(MapState, mapper.map_snapshot, _MAP_PERIOD_S)},
-            lambda states: mapper.restore(states["pose"], states["map"]),
+            restore,
         ),
     )
 

@@ -1,4 +1,4 @@
-"""The robot's postures over the last seconds, as its encoders read them, and where the sensor is mounted on it."""
+"""The robot's postures over the last minute, as its encoders read them, and where the sensor is mounted on it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from shared.messaging.messages import Foot, JointState
 from shared.robot.description import UrdfModel
 from shared.robot.kinematics import HYRECRO, LINKS, link_matrices
 
-_KEPT_NS = 3_000_000_000
+_KEPT_NS = 60_000_000_000
+"""A sensor that was away for so long, being started again, is still found by the way since its last scan."""
 _MAX_GAP_NS = 50_000_000
 """Before the first and after the last reading a posture is taken to last so long."""
 

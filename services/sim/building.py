@@ -40,6 +40,7 @@ def check_robot(model: UrdfModel, source: str) -> None:
     if extra := [name for name in model.limits if name not in JOINT_NAMES]:
         raise InputFileError(f"{source}: unknown joints {', '.join(extra)}; only {', '.join(JOINT_NAMES)} may move")
 
+
 def generators(seed: int) -> list[np.random.Generator]:
     """One each for the encoders and the slips, so that neither's draws disturb the other's."""
     return np.random.default_rng(seed).spawn(2)

@@ -1,4 +1,4 @@
-"""Simulation, mapper and recorder are killed in the middle of a climb, and it goes on: the same robot, the same map."""
+"""Simulation, mapper and recorder are killed at once in a climb, and it goes on: the same robot, the same map."""
 
 import subprocess
 
@@ -6,9 +6,10 @@ import pytest
 
 from bench.faults import SERVICES, VICTIMS
 from bench.faults_scoring import score_of
-from shared.messaging.channels import EVENTS
+from shared.messaging.channels import EVENTS, JOINTS_STATE
 from shared.messaging.codec import decode
 from shared.messaging.inbox import Inbox
+from shared.messaging.messages import JointState
 from shared.runtime.config import CONFIGS_DIR
 from tests.e2e.conftest import wait_for_services
 from tests.e2e.test_supervision import process_of, wait_for_another
@@ -26,28 +27,18 @@ def climbed(tmp_path_factory):
     events = Inbox()
     with started(hyrecro_command("up", "--set", "recorder.run=run"), directory) as running:
         wait_for_services(running, set(SERVICES))
-        play = subprocess.Popen(
-            [
-                BIN / "hyrecro",
-                "robot",
-                "play",
-                TRAJECTORY,
-                "--steps",
-                "15",
-                "--set",
-                f"bus.endpoint={running.endpoint}",
-            ],
-            cwd=ROOT,
-        )
+        options = ["--steps", "20", "--set", f"bus.endpoint={running.endpoint}"]
+        play = subprocess.Popen([BIN / "hyrecro", "robot", "play", TRAJECTORY, *options], cwd=ROOT)
         try:
             with running.bus() as bus:
                 bus.subscribe(EVENTS, events)
-                for name in ("sim", "mapper", "recorder"):
-                    arguments = VICTIMS[name]
-                    process = process_of(running, arguments)
+                wait_until(lambda: bus.ask(JOINTS_STATE, JointState).dq.any(), "the robot moving")
+                killed = {name: process_of(running, VICTIMS[name]) for name in ("sim", "mapper", "recorder")}
+                for process in killed.values():
                     process.kill()
-                    wait_for_another(running, arguments, process)
-                    wait_until(lambda name=name: name in bus.alive(), f"{name} alive")
+                for name, process in killed.items():
+                    wait_for_another(running, VICTIMS[name], process)
+                wait_until(lambda: set(SERVICES) <= bus.alive(), "all alive again")
                 assert play.poll() is None, "the climb shall outlast the deaths"
                 assert play.wait(240) == 0
         finally:
