@@ -13,6 +13,7 @@ import sys
 import time
 from collections import defaultdict
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +32,7 @@ _NUM_POINTS = 65_536
 SETTLE_S = 2.0
 """At the beginning, which the ordinary subscriber does not measure: pools are made, and the bad one is spoiled."""
 _POSE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-_NEW = {"stamp_ns": 0, "seq": 0, "frame": "world"}
+_NEW: dict[str, Any] = {"stamp_ns": 0, "seq": 0, "frame": "world"}
 
 
 def robot() -> tuple[Stream, ...]:

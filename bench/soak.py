@@ -206,7 +206,8 @@ def _sample(name: str, time_s: float, process: ProcessLoad) -> Sample:
 
 
 def _forget_old_files(folder: Path) -> None:
-    files = sorted(folder.glob("*/run*.mcap"), key=os.path.getmtime)
+    files = [path for path in folder.glob("*/run*.mcap") if not path.parent.is_symlink()]  # not again as `latest`
+    files.sort(key=os.path.getmtime)
     for path in files[:-_NUM_KEPT_FILES]:
         path.unlink()
 

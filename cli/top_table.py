@@ -43,7 +43,7 @@ def _channels(rows: list[ChannelRow]) -> Table:
     table.add_column("/s", justify="right", no_wrap=True)
     table.add_column("kB/s", justify="right", no_wrap=True)
     table.add_column("from", no_wrap=True)
-    table.add_column("to: longest wait in ms, drop, lost", ratio=1)
+    table.add_column("to: wait in ms, drop, lost", ratio=1)
     for row in rows:
         table.add_row(
             row.key,
