@@ -23,7 +23,9 @@ from tests.support.processes import Running, started, wait_until
 _PUTS_A_BURST = 50
 _PAUSE_S = 0.1
 """500 puts a second: a burst fits in every queue of the way."""
-_WARM_UP = 0.3
+_WARM_UP = 0.5
+_MAX_PLANNING_S = 180.0
+"""The planner plans each step that it is asked for, one after the other; the last may wait so long."""
 _MIB = 1024 * 1024
 _HEARERS = ("recorder", "sim", "planner")
 """Who hears commands."""
@@ -48,7 +50,7 @@ def over_the_bus(num: int, payloads: Source, folder: Path) -> dict[str, Any]:
             warm = _rss(bus)
             _put(running, sent, payloads, num - round(num * _WARM_UP))
             with contextlib.suppress(AssertionError):
-                wait_until(lambda: not _missing(before, _counts(bus), sent), "every put counted", 30.0)
+                wait_until(lambda: not _missing(before, _counts(bus), sent), "every put counted", _MAX_PLANNING_S)
             after, rss = _counts(bus), _rss(bus)
             problems = _missing(before, after, sent)
         num_refused = sum(after["recorder", key].num_refused - _of(before, "recorder", key).num_refused for key in sent)

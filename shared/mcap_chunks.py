@@ -108,7 +108,8 @@ def file_records(file: IO[bytes]) -> Iterator[McapRecord]:
 
 def chunk_of(content: bytes) -> Chunk:
     """The chunk of a record's content, what follows its length; what it raises is in `BROKEN`."""
-    return Chunk.read(ReadDataStream(BytesIO(content)))
+    chunk: Chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+    return chunk
 
 
 def size_of(file: IO[bytes]) -> int:

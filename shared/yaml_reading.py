@@ -52,7 +52,7 @@ def _check_depth(text: str) -> None:
 
 def _check_aliases(text: str) -> None:
     """Counts what the aliases stand for, without building it: ten lines may mean a billion values."""
-    sizes: Counter[str] = Counter()
+    sizes: Counter[str | None] = Counter()
     open_names: list[str | None] = [None]
     open_sizes = [0]
     for event in YAML(typ="safe", pure=True).parse(text):
