@@ -66,9 +66,9 @@ class Pipeline:
             PipelineError: the endpoint is taken, or a service ended or is not ready in time.
         """
         endpoint = self._bus_config.endpoint
-        if endpoint.startswith("tcp/") and is_reachable(endpoint):
+        if endpoint.startswith(("tcp/", "tls/")) and is_reachable(endpoint):
             raise PipelineError(f"{endpoint} is taken: is another pipeline running? Set bus.endpoint to use another")
-        self._spawn("router", ["-m", "cli.main", "router", "--endpoint", endpoint])
+        self._spawn("router", ["-m", "cli.main", "router", *self._arguments])
         self._wait_until(lambda: is_reachable(endpoint), "router", is_stopping)
         if is_stopping():
             return

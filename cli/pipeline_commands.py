@@ -95,9 +95,10 @@ def router(endpoint: EndpointOption = None, config: ConfigOption = DEFAULT_CONFI
     from shared.messaging.bus import open_router
     from shared.runtime.runner import StopSignal
 
-    endpoint = endpoint or resolved(config, set_).bus.endpoint
+    bus = resolved(config, set_).bus
+    endpoint = endpoint or bus.endpoint
     stop = StopSignal()
-    with open_router(endpoint):
+    with open_router(endpoint, bus.credentials):
         print(f"router listens at {endpoint}", file=sys.stderr)
         while not stop.is_set():
             time.sleep(0.1)
