@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -257,6 +257,8 @@ class TeleopConfig(Section):
     host: str = "127.0.0.1"
     """Where it listens: whoever reaches it can move the robot. Inside a container 0.0.0.0, published on loopback."""
     port: int = Field(8080, ge=1, le=65535)
+    origins: tuple[Annotated[str, Field(pattern=r"^https?://[^/]+$")], ...] = ()
+    """Further addresses by which browsers call the page, such as http://robot.lan:8080; other sites' pages are refused."""
     rate_hz: float = Field(10.0, ge=1, le=50)
     """Joint targets a second, renewals too."""
     valid_s: float = Field(0.5, gt=0, le=10)
