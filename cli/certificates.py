@@ -33,7 +33,7 @@ class Certified:
     key: bytes
 
 
-class TestCa:
+class Authority:
     """Certifies with a P-256 key that is nowhere stored: what it has issued is all it will ever issue."""
 
     def __init__(self, not_before: datetime, not_after: datetime) -> None:
@@ -41,7 +41,7 @@ class TestCa:
         self._key = ec.generate_private_key(ec.SECP256R1())
         self._name = _name(_CA_NAME)
         usage = _key_usage(signs_certificates=True)
-        builder = self._builder(self._name, self._key.public_key())
+        builder = self._builder(self._name, self._key.public_key(), not_after)
         builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         self.certificate = _pem(builder.add_extension(usage, critical=True).sign(self._key, hashes.SHA256()))
 
@@ -50,13 +50,20 @@ class TestCa:
         names = x509.SubjectAlternativeName([_general_name(host) for host in hosts])
         return self._issue(ROUTER, ExtendedKeyUsageOID.SERVER_AUTH, names)
 
-    def client(self, role: str) -> Certified:
-        """For a client of this role; it cannot pass for a router."""
-        return self._issue(role, ExtendedKeyUsageOID.CLIENT_AUTH, x509.SubjectAlternativeName([x509.DNSName(role)]))
+    def client(self, role: str, not_after: datetime | None = None) -> Certified:
+        """For a client of this role; it cannot pass for a router. It holds as long as the CA, or until `not_after`."""
+        names = x509.SubjectAlternativeName([x509.DNSName(role)])
+        return self._issue(role, ExtendedKeyUsageOID.CLIENT_AUTH, names, not_after)
 
-    def _issue(self, name: str, purpose: x509.ObjectIdentifier, names: x509.SubjectAlternativeName) -> Certified:
+    def _issue(
+        self,
+        name: str,
+        purpose: x509.ObjectIdentifier,
+        names: x509.SubjectAlternativeName,
+        not_after: datetime | None = None,
+    ) -> Certified:
         key = ec.generate_private_key(ec.SECP256R1())
-        builder = self._builder(_name(name), key.public_key())
+        builder = self._builder(_name(name), key.public_key(), not_after)
         builder = builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         builder = builder.add_extension(_key_usage(signs_certificates=False), critical=True)
         builder = builder.add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
@@ -67,7 +74,9 @@ class TestCa:
         )
         return Certified(_pem(certificate), private)
 
-    def _builder(self, subject: x509.Name, public_key: ec.EllipticCurvePublicKey) -> x509.CertificateBuilder:
+    def _builder(
+        self, subject: x509.Name, public_key: ec.EllipticCurvePublicKey, not_after: datetime | None
+    ) -> x509.CertificateBuilder:
         return (
             x509.CertificateBuilder()
             .subject_name(subject)
@@ -75,19 +84,16 @@ class TestCa:
             .public_key(public_key)
             .serial_number(x509.random_serial_number())
             .not_valid_before(self._not_before)
-            .not_valid_after(self._not_after)
+            .not_valid_after(not_after or self._not_after)
         )
 
 
-def credential_files(
-    roles: Sequence[str], hosts: Sequence[str], not_before: datetime, not_after: datetime
-) -> dict[Path, bytes]:
+def credential_files(ca: Authority, roles: Sequence[str], hosts: Sequence[str] = ()) -> dict[Path, bytes]:
     """What a secure bus needs, by path within its folder: `router/` for the router, `<role>.json5` for each client.
 
     A client's file is a Zenoh configuration with everything in it: the router's address (the first host), the CA's
     certificate, the client's own and its key, user and password. The role is the certificate's common name and the user.
     """
-    ca = TestCa(not_before, not_after)
     router = ca.router(tuple(dict.fromkeys((*hosts, *ROUTER_HOSTS))))
     passwords = {role: secrets.token_hex(_PASSWORD_BYTES) for role in roles}
     endpoint = f"tls/{hosts[0] if hosts else ROUTER_HOSTS[1]}:7447"

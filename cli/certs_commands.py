@@ -25,17 +25,17 @@ def new(
     days: Annotated[int, typer.Option(min=1, max=3650, help="How long they hold.")] = 30,
 ) -> None:
     """Makes a test authority and what it certifies: the router in DIR/router, and a file a role, DIR/<role>.json5."""
-    from cli.certificates import credential_files, now_utc
+    from cli.certificates import Authority, credential_files, now_utc
     from shared.errors import InputFileError
     from shared.runtime.roles import ROLES
 
     now = now_utc()
     try:
-        files = credential_files(ROLES, tuple(host or ()), now, now + timedelta(days=days))
+        files = credential_files(Authority(now, now + timedelta(days=days)), ROLES, host or ())
     except ValueError as error:
         raise InputFileError(f"--host {' '.join(host or ())}: {error}") from error
     try:
-        _write(directory, files)
+        write_files(directory, files)
     except OSError as error:
         raise InputFileError(f"{error.filename}: {error.strerror}") from error
     typer.echo(f"{len(ROLES)} roles and the router, until {now + timedelta(days=days):%Y-%m-%d}: {directory}")
@@ -76,7 +76,7 @@ def show(
         raise typer.Exit(Exit.FAILED)
 
 
-def _write(directory: Path, files: dict[Path, bytes]) -> None:
+def write_files(directory: Path, files: dict[Path, bytes]) -> None:
     """New files that their owner alone can read, in folders that their owner alone can enter.
 
     Raises:
@@ -103,4 +103,3 @@ def _certificates(path: Path) -> list[Path]:
     if not found:
         raise InputFileError(f"{path}: no credentials here; `hyrecro certs new {path}` makes them")
     return found
-

@@ -36,7 +36,9 @@ def test_another_sites_page_is_refused(port, origin):
     assert refused.value.response.status_code == 403
 
 
-@pytest.mark.parametrize("origin", ["http://127.0.0.1:{port}", "http://localhost:{port}", "http://robot.lan:8080", None])
+@pytest.mark.parametrize(
+    "origin", ["http://127.0.0.1:{port}", "http://localhost:{port}", "http://robot.lan:8080", None]
+)
 def test_the_page_itself_is_let_in(port, origin):
     with socket_of(port, origin and origin.format(port=port)) as socket:
         assert socket.recv(timeout=10)

@@ -63,10 +63,10 @@ class Access:
             flow[message].add(key_expr)
 
     def may_publish(self, channel: Channel) -> None:
-        """Sends it; learns whether anybody listens; answers with the last one where it is kept."""
+        """Sends it; learns who listens, also to more than this; answers with the last one where it is kept."""
         key_expr = _pattern(channel)
         self.allow(self.ingress, ["put"], key_expr)
-        self.allow(self.egress, ["declare_subscriber"], key_expr)
+        self.allow(self.egress, ["declare_subscriber"], _EVERYTHING)
         self.allow(self.ingress, ["liveliness_token"], _published(channel))
         if channel.is_kept:
             self.allow(self.ingress, ["declare_queryable", "reply"], key_expr)
@@ -76,7 +76,8 @@ class Access:
         """Sends a command by a query too, and gets its answer."""
         key_expr = _pattern(channel)
         self.allow(self.ingress, ["put", "query"], key_expr)
-        self.allow(self.egress, ["declare_subscriber", "declare_queryable", "reply"], key_expr)
+        self.allow(self.egress, ["declare_queryable", "reply"], key_expr)
+        self.allow(self.egress, ["declare_subscriber"], _EVERYTHING)
 
     def may_read(self, channel: Channel) -> None:
         """Hears it, and asks for the last one where it is kept."""
@@ -116,13 +117,23 @@ def router_file(wires: Sequence[Wires]) -> str:
     accesses = [_operator(by_name), _viewer(), *services]
     roles = [access.role for access in accesses]
     subjects = [f'      {{ id: "{role}", cert_common_names: ["{role}"], usernames: ["{role}"] }},' for role in roles]
-    lines = ["    // Certificate and password must name the same role.", "    subjects: [", *subjects, "    ],", "    rules: ["]
+    lines = [
+        "    // Certificate and password must name the same role.",
+        "    subjects: [",
+        *subjects,
+        "    ],",
+        "    rules: [",
+    ]
     policies = []
     for access in accesses:
         rules = _rules(access)
         lines += [line for text in rules.values() for line in text]
         ids = [f'"{rule}"' for rule in rules]
-        policies += [f'      {{ id: "{access.role}", subjects: ["{access.role}"], rules: [', *_wrapped(ids), "      ] },"]
+        policies += [
+            f'      {{ id: "{access.role}", subjects: ["{access.role}"], rules: [',
+            *_wrapped(ids),
+            "      ] },",
+        ]
     return _HEAD + "\n".join([*lines, "    ],", "    policies: [", *policies, "    ],", "  },", "}", ""])
 
 
@@ -177,8 +188,11 @@ def _rules(access: Access) -> dict[str, list[str]]:
     for flow, messages in access.flows().items():
         for message, key_exprs in sorted(messages.items()):
             rule = f"{access.role} {flow} {message}"
-            head = f'      {{ id: "{rule}", permission: "allow", flows: ["{flow}"], messages: ["{message}"], key_exprs: ['
-            rules[rule] = [head, *_wrapped([f'"{key_expr}"' for key_expr in sorted(key_exprs)]), "      ] },"]
+            head = (
+                f'      {{ id: "{rule}", permission: "allow", flows: ["{flow}"], messages: ["{message}"], key_exprs: ['
+            )
+            kept = [_EVERYTHING] if _EVERYTHING in key_exprs else sorted(key_exprs)
+            rules[rule] = [head, *_wrapped([f'"{key_expr}"' for key_expr in kept]), "      ] },"]
     return rules
 
 
