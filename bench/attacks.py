@@ -1,7 +1,7 @@
 """Attempts to command the robot by who may not: `python -m bench.attacks` runs a secure line and tries 200 times.
 
-Each kind of attacker sends every command by put, by delete and by query, and one query on all keys. The simulation, the
-planner and the recorder say in their heartbeats what they received or refused on the keys of commands: it must not change.
+Each kind of attacker sends every command by put, by delete and by query, and one query on all keys. The simulation,
+the planner and the recorder say in their heartbeats what they received or refused of commands: it must not change.
 Before and after, the operator sends the same by put and by query, all of which must arrive.
 """
 

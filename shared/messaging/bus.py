@@ -15,7 +15,7 @@ import zenoh
 from shared.errors import BusError, ConfigError, RefusedError
 from shared.messaging.channels import ALIVE, PUBLISHED, Channel, Delivery
 from shared.messaging.codec import MIME, decode, encode, schema_of
-from shared.messaging.credentials import SECURE_ROUTER, credential_of, router_settings
+from shared.messaging.credentials import SECURE_ROUTER, WHY_REFUSED, credential_of, router_settings
 from shared.messaging.inbox import Inbox, Parcel
 from shared.messaging.messages import Message
 from shared.runtime.config import BusConfig
@@ -46,7 +46,8 @@ class Bus:
         try:
             self._session = zenoh.open(settings)
         except zenoh.ZError as error:
-            raise BusError(_no_session(config, name, error)) from error
+            hint = "" if config.credentials is None else f"; {WHY_REFUSED}"
+            raise BusError(f"cannot open a session on {config.endpoint}: {error}{hint}") from error
         self._is_secure = config.credentials is not None
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._kept: dict[str, tuple[bytes, str]] = {}
@@ -228,15 +229,6 @@ def _wait_for_router(config: BusConfig, is_stopping: Callable[[], bool]) -> None
                 "start one with `hyrecro router`, or set bus.endpoint"
             )
         time.sleep(0.05)
-
-
-def _no_session(config: BusConfig, name: str, error: zenoh.ZError) -> str:
-    if (credential := credential_of(config, name)) is None:
-        return f"cannot open a session on {config.endpoint}: {error}"
-    return (
-        f"{config.endpoint} does not let {credential} in: the certificate has expired or is of another authority than "
-        "the router's, the password is not the router's, or the router is not called so in its own certificate"
-    )
 
 
 def _client_settings(config: BusConfig, name: str) -> zenoh.Config:

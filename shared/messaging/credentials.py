@@ -12,6 +12,11 @@ from shared.runtime.section import CONFIGS_DIR
 
 SECURE_ROUTER = CONFIGS_DIR / "zenoh" / "secure" / "router.json5"
 """What the router of a secure bus lets whom do."""
+WHY_REFUSED = (
+    "the router refuses a certificate that has expired or is of another authority, and another password than its own; "
+    "or it is itself not called so in its certificate (`hyrecro certs show`)"
+)
+"""Neither side of a connection says what it dislikes of the other."""
 _ROUTER_FILES = {
     "transport/link/tls/root_ca_certificate": "ca.pem",
     "transport/link/tls/listen_certificate": "router.pem",

@@ -20,7 +20,7 @@ class BusConfig(Section):
     namespace: str = Field("", pattern=r"^([A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*)?$")
     """Put before every key, for several robots on one router."""
     credentials: Path | None = None
-    """Of a secure bus: one of the files that `hyrecro certs new` makes, or their folder, where everyone takes theirs."""
+    """Of a secure bus: a file that `hyrecro certs new` makes, or their folder, where everyone takes theirs."""
     connect_timeout_s: float = Field(10.0, gt=0, le=3600)
     """How long a service waits for the router before it gives up."""
     shared_memory_mib: int = Field(64, ge=0, le=4096)
@@ -258,7 +258,7 @@ class TeleopConfig(Section):
     """Where it listens: whoever reaches it can move the robot. Inside a container 0.0.0.0, published on loopback."""
     port: int = Field(8080, ge=1, le=65535)
     origins: tuple[Annotated[str, Field(pattern=r"^https?://[^/]+$")], ...] = ()
-    """Further addresses by which browsers call the page, such as http://robot.lan:8080; other sites' pages are refused."""
+    """Further addresses of the page, such as http://robot.lan:8080; pages of other sites are refused."""
     rate_hz: float = Field(10.0, ge=1, le=50)
     """Joint targets a second, renewals too."""
     valid_s: float = Field(0.5, gt=0, le=10)

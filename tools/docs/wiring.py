@@ -29,7 +29,7 @@ PEOPLE = "people, programs"
 
 @dataclass(frozen=True, slots=True)
 class Wires:
-    """One service, or the people who command it, and the keys it sends and takes; `answers`: the commands it replies to."""
+    """One service, or the people who command it, the keys it sends and takes, and the commands that it answers."""
 
     name: str
     sends: frozenset[str]
