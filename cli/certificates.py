@@ -92,7 +92,7 @@ def credential_files(ca: Authority, roles: Sequence[str], hosts: Sequence[str] =
     """What a secure bus needs, by path within its folder: `router/` for the router, `<role>.json5` for each client.
 
     A client's file is a Zenoh configuration with everything in it: the router's address (the first host), the CA's
-    certificate, the client's own and its key, user and password. The certificate's common name and the user are the role.
+    certificate, the client's own and its key, user and password. The role is both the common name and the user.
     """
     router = ca.router(tuple(dict.fromkeys((*hosts, *ROUTER_HOSTS))))
     passwords = {role: secrets.token_hex(_PASSWORD_BYTES) for role in roles}
