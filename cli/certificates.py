@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import ipaddress
 import json
+import re
 import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ ROUTER = "router"
 ROUTER_HOSTS = ("localhost", "127.0.0.1", ROUTER)
 """How clients may always call the router: by loopback, and by its name in docker-compose.yml."""
 _CA_NAME = "HyReCRo test CA"
+_HOST_NAME = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?")
 _CLOCK_SKEW = timedelta(minutes=5)
 _PASSWORD_BYTES = 32
 
@@ -46,7 +48,11 @@ class Authority:
         self.certificate = _pem(builder.add_extension(usage, critical=True).sign(self._key, hashes.SHA256()))
 
     def router(self, hosts: Sequence[str]) -> Certified:
-        """For a server that clients call by one of `hosts`, names or addresses."""
+        """For a server that clients call by one of `hosts`.
+
+        Raises:
+            ValueError: one that is neither a name nor an address.
+        """
         names = x509.SubjectAlternativeName([_general_name(host) for host in hosts])
         return self._issue(ROUTER, ExtendedKeyUsageOID.SERVER_AUTH, names)
 
@@ -93,10 +99,14 @@ def credential_files(ca: Authority, roles: Sequence[str], hosts: Sequence[str] =
 
     A client's file is a Zenoh configuration with everything in it: the router's address (the first host), the CA's
     certificate, the client's own and its key, user and password. The role is both the common name and the user.
+
+    Raises:
+        ValueError: a host that is neither a name nor an address.
     """
     router = ca.router(tuple(dict.fromkeys((*hosts, *ROUTER_HOSTS))))
     passwords = {role: secrets.token_hex(_PASSWORD_BYTES) for role in roles}
-    endpoint = f"tls/{hosts[0] if hosts else ROUTER_HOSTS[1]}:7447"
+    host = hosts[0] if hosts else ROUTER_HOSTS[1]
+    endpoint = f"tls/[{host}]:7447" if ":" in host else f"tls/{host}:7447"
     folder = Path(ROUTER)
     files = {
         folder / "ca.pem": ca.certificate,
@@ -175,6 +185,8 @@ def _general_name(host: str) -> x509.GeneralName:
     try:
         return x509.IPAddress(ipaddress.ip_address(host))
     except ValueError:
+        if _HOST_NAME.fullmatch(host) is None:
+            raise ValueError(f"'{host}' is neither an address nor a name of letters, digits, - and .") from None
         return x509.DNSName(host)
 
 

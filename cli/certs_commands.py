@@ -33,7 +33,7 @@ def new(
     try:
         files = credential_files(Authority(now, now + timedelta(days=days)), ROLES, host or ())
     except ValueError as error:
-        raise InputFileError(f"--host {' '.join(host or ())}: {error}") from error
+        raise InputFileError(f"--host: {error}") from error
     try:
         write_files(directory, files)
     except OSError as error:

@@ -91,19 +91,19 @@ def test_what_is_no_certificate_is_refused_by_its_name(tmp_path, content):
     path = tmp_path / "x.json5"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(Exception, match="x.json5: (neither a PEM|No such file)"):
+    with pytest.raises(Exception, match=r"x.json5: (neither a PEM|No such file)"):
         runner.invoke(app, ["show", str(path)], catch_exceptions=False)
 
 
 def test_nothing_is_overwritten(tmp_path):
     (tmp_path / "mine").write_text("kept")
-    with pytest.raises(Exception, match="must be a new or an empty folder; nothing is overwritten"):
+    with pytest.raises(Exception, match=r"must be a new or an empty folder; nothing is overwritten"):
         runner.invoke(app, ["new", str(tmp_path)], catch_exceptions=False)
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
 @pytest.mark.parametrize("host", ["ä.lan", "a b", "", "*"])
 def test_a_host_that_no_certificate_can_name_is_refused(tmp_path, host):
-    with pytest.raises(Exception, match="--host"):
+    with pytest.raises(Exception, match=r"--host"):
         runner.invoke(app, ["new", str(tmp_path / "certs"), "--host", host], catch_exceptions=False)
     assert not (tmp_path / "certs").exists()

@@ -32,17 +32,17 @@ def test_an_open_bus_asks_for_none():
 
 def test_one_that_is_not_there_is_named(tmp_path):
     with pytest.raises(
-        ConfigError, match="bus.credentials: .*/sim.json5: No such file.*; `hyrecro certs new` makes them"
+        ConfigError, match=r"bus.credentials: .*/sim.json5: No such file.*; `hyrecro certs new` makes them"
     ):
         credential_of(secure(tmp_path), "sim")
-    with pytest.raises(ConfigError, match="bus.credentials: .*/router/ca.pem: No such file"):
+    with pytest.raises(ConfigError, match=r"bus.credentials: .*/router/ca.pem: No such file"):
         router_settings(tmp_path)
 
 
 def test_tls_and_credentials_belong_together():
     with pytest.raises(
-        ConfigError, match="--set: bus: endpoint tls/127.0.0.1:1 needs credentials: `hyrecro certs new`"
+        ConfigError, match=r"--set: bus: endpoint tls/127.0.0.1:1 needs credentials: `hyrecro certs new`"
     ):
         load_config(overrides=["bus.endpoint=tls/127.0.0.1:1"])
-    with pytest.raises(ConfigError, match="--set: bus: credentials need an endpoint that begins with tls/ or quic/"):
+    with pytest.raises(ConfigError, match=r"--set: bus: credentials need an endpoint that begins with tls/ or quic/"):
         load_config(overrides=["bus.credentials=certs"])
