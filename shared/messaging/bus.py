@@ -46,8 +46,8 @@ class Bus:
         try:
             self._session = zenoh.open(settings)
         except zenoh.ZError as error:
-            hint = "" if config.credentials is None else f"; {WHY_REFUSED}"
-            raise BusError(f"cannot open a session on {config.endpoint}: {error}{hint}") from error
+            reason = error if config.credentials is None else WHY_REFUSED
+            raise BusError(f"cannot open a session on {config.endpoint}: {reason}") from error
         self._is_secure = config.credentials is not None
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._kept: dict[str, tuple[bytes, str]] = {}
