@@ -188,11 +188,13 @@ def _rules(access: Access) -> dict[str, list[str]]:
     for flow, messages in access.flows().items():
         for message, key_exprs in sorted(messages.items()):
             rule = f"{access.role} {flow} {message}"
-            head = (
-                f'      {{ id: "{rule}", permission: "allow", flows: ["{flow}"], messages: ["{message}"], key_exprs: ['
-            )
             kept = [_EVERYTHING] if _EVERYTHING in key_exprs else sorted(key_exprs)
-            rules[rule] = [head, *_wrapped([f'"{key_expr}"' for key_expr in kept]), "      ] },"]
+            rules[rule] = [
+                f'      {{ id: "{rule}", permission: "allow", flows: ["{flow}"], messages: ["{message}"],',
+                "        key_exprs: [",
+                *_wrapped([f'"{key_expr}"' for key_expr in kept]),
+                "      ] },",
+            ]
     return rules
 
 
