@@ -63,8 +63,8 @@ Profile = dict[str, Any]
 class Outcome:
     """What one kind of attacker achieved.
 
-    num_connected: attempts for which the router let it open a session. num_counted: by the witnesses, where a command that
-    several take, or that one takes and refuses, counts more than once.
+    num_connected: attempts for which the router let it open a session. num_counted: by the witnesses, where a command
+    that several take, or that one takes and refuses, counts more than once.
     """
 
     attacker: str
@@ -209,7 +209,11 @@ def secure_line(folder: Path) -> Iterator[tuple[Attackers, Bus, str, subprocess.
     with socket.create_server(("127.0.0.1", 0)) as server:
         endpoint = f"tls/127.0.0.1:{server.getsockname()[1]}"
     credentials = folder / "certs"
-    settings = {"bus.endpoint": endpoint, "bus.credentials": credentials, "recorder.directory": folder}
+    settings: dict[str, object] = {
+        "bus.endpoint": endpoint,
+        "bus.credentials": credentials,
+        "recorder.directory": folder,
+    }
     settings |= dict.fromkeys(("sensors.lidar.enabled", "sensors.depth.enabled"), "false")
     options = [part for key, value in settings.items() for part in ("--set", f"{key}={value}")]
     line = subprocess.Popen([sys.executable, "-m", "cli.main", "up", *options])  # noqa: S603 - our own command
