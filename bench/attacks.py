@@ -52,7 +52,7 @@ COMMANDS: dict[type[m.Message], m.Message] = {
 }
 TARGETS = {channel.key_expr: encode(COMMANDS[channel.message]) for channel in CHANNELS if channel.is_command}
 WITNESSES = ("sim", "planner", "recorder")
-_OPEN_TIMEOUT_MS = 300
+_OPEN_TIMEOUT_MS = 1000
 _ANSWER_TIMEOUT_S = 0.3
 _START_TIMEOUT_S = 90.0
 
