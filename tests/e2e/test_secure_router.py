@@ -20,7 +20,6 @@ pytestmark = pytest.mark.e2e
 WIRES = {wired.name if wired.name != PEOPLE else OPERATOR: wired for wired in all_wires()}
 CHANNEL = {channel.key: channel for channel in CHANNELS}
 READERS = (OPERATOR, VIEWER)
-FORGED = b"B"
 
 
 def keys_sent(role):
@@ -81,25 +80,26 @@ def test_what_a_role_sends_reaches_all_who_take_it(roles, sender):
 @pytest.mark.parametrize("sender", ROLES)
 def test_what_it_does_not_send_reaches_nobody(roles, sender):
     bus, _ = roles[sender]
+    forgery = f"forged by {sender}".encode()
     forbidden = {channel.key_expr for channel in CHANNELS if channel.key not in (*keys_sent(sender), HEALTH.key)}
     if sender == OPERATOR:  # may all that player and page may
         forbidden -= {CHANNEL[key].key_expr for name in ("player", "teleop") for key in WIRES[name].sends}
     for _, inbox in roles.values():
         heard(inbox)  # a session hears itself, past the router
     for key_expr in sorted(forbidden):
-        bus._session.put(key_expr, FORGED)
+        bus._session.put(key_expr, forgery)
         bus._session.delete(key_expr)
     allowed = HEALTH.of("player" if sender == OPERATOR else sender)
     watcher = next(role for role in READERS if role != sender)
     arrived = []
 
     def is_over():
-        bus._session.put(allowed.key_expr, FORGED)
+        bus._session.put(allowed.key_expr, forgery)
         arrived.extend(
             (role, parcel) for role, (_, inbox) in roles.items() if role != sender for parcel in heard(inbox)
         )
         return any(role == watcher and parcel.key == allowed.key_expr for role, parcel in arrived)
 
     wait_until(is_over, f"the heartbeat of {sender}", deadline_s=20)
-    forged = {parcel.key for _, parcel in arrived if parcel.payload in (FORGED, b"")}
+    forged = {parcel.key for _, parcel in arrived if parcel.payload in (forgery, b"")}
     assert forged == {allowed.key_expr}
