@@ -7,6 +7,7 @@ import functools
 from collections.abc import Iterator, Sequence
 
 from websockets.asyncio import server
+from websockets.typing import Origin
 
 from shared.runtime.config import TeleopConfig
 
@@ -25,7 +26,7 @@ def only_from(origins: Sequence[str]) -> Iterator[None]:
     it could claim any.
     """
     serve = server.serve
-    server.serve = functools.partial(serve, origins=[None, *origins])  # type: ignore[assignment, misc]
+    server.serve = functools.partial(serve, origins=[None, *map(Origin, origins)])  # type: ignore[assignment, misc]
     try:
         yield
     finally:
