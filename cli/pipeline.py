@@ -50,7 +50,7 @@ class Pipeline:
         self._clock = PatientClock()
         services = services_of(config)
         self._groups = [
-            {"router": ["cli.main", "router", "--endpoint", config.bus.endpoint]},
+            {"router": ["cli.main", "router", *arguments]},
             *({name: [*command, *arguments] for name, command in group.items()} for group in services),
         ]
         self._announcer = Announcer(config.bus, [name for group in services for name in group])
@@ -66,7 +66,7 @@ class Pipeline:
         Raises:
             PipelineError: the endpoint is taken, or a service was given up.
         """
-        if self._endpoint.startswith("tcp/") and is_reachable(self._endpoint):
+        if self._endpoint.startswith(("tcp/", "tls/")) and is_reachable(self._endpoint):
             raise PipelineError(
                 f"{self._endpoint} is taken: is another pipeline running? Set bus.endpoint to use another"
             )

@@ -102,9 +102,10 @@ def router(endpoint: EndpointOption = None, config: ConfigOption = DEFAULT_CONFI
     from shared.runtime.notify import Pulse
     from shared.runtime.stop_signal import StopSignal
 
-    endpoint = endpoint or resolved(config, set_).bus.endpoint
+    bus = resolved(config, set_).bus
+    endpoint = endpoint or bus.endpoint
     stop, pulse = StopSignal(), Pulse.from_environment()
-    with open_router(endpoint):
+    with open_router(endpoint, bus.credentials):
         print(f"router listens at {endpoint}", file=sys.stderr)
         pulse.ready()
         while not stop.is_set():

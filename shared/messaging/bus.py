@@ -8,17 +8,20 @@ import os
 import socket
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, TypeVar
 
 import zenoh
 
-from shared.errors import BusError, RefusedError
+from shared.errors import BusError, ConfigError, RefusedError
 from shared.messaging.channels import ALIVE, PREFIX, PUBLISHED, Channel, Delivery
 from shared.messaging.codec import MIME, decode, encode, schema_of
+from shared.messaging.credentials import SECURE_ROUTER, WHY_REFUSED, credential_of, router_settings
 from shared.messaging.inbox import Inbox, Parcel
 from shared.messaging.messages import Message
 from shared.messaging.queues import BATCH_BYTES, ROUTER_RUNTIME, queues_of_client, queues_of_router
 from shared.runtime.config import BusConfig
+from shared.runtime.roles import OPERATOR
 
 M = TypeVar("M", bound=Message)
 
@@ -29,18 +32,24 @@ _SHARED_MEMORY = "transport/shared_memory/transport_optimization"
 
 
 class Bus:
-    """A session that talks in channels and messages.
+    """A session that talks in channels and messages. `name` says whose credential a secure bus is shown.
 
     Raises:
-        BusError: the router at `config.endpoint` cannot be reached within `connect_timeout_s`.
+        BusError: the router at `config.endpoint` cannot be reached within `connect_timeout_s`, or does not let us in.
+        ConfigError: the credential cannot be used.
     """
 
-    def __init__(self, config: BusConfig, *, is_stopping: Callable[[], bool] = lambda: False) -> None:
+    def __init__(
+        self, config: BusConfig, *, name: str = OPERATOR, is_stopping: Callable[[], bool] = lambda: False
+    ) -> None:
+        settings = _client_settings(config, name)
         _wait_for_router(config, is_stopping)
         try:
-            self._session = zenoh.open(_client_settings(config))
+            self._session = zenoh.open(settings)
         except zenoh.ZError as error:
-            raise BusError(f"cannot open a session on {config.endpoint}: {error}") from error
+            reason = error if config.credentials is None else WHY_REFUSED
+            raise BusError(f"cannot open a session on {config.endpoint}: {reason}") from error
+        self._is_secure = config.credentials is not None
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._kept: dict[str, tuple[bytes, str]] = {}
         self._declared: list[Any] = []
@@ -136,7 +145,8 @@ class Bus:
             if (refusal := reply.err) is not None:
                 raise RefusedError(refusal.payload.to_string())
             return
-        raise BusError(f"nobody answers on {channel.key_expr}: is the simulation running?")
+        hint = " Or may this credential not command?" if self._is_secure else ""
+        raise BusError(f"nobody answers on {channel.key_expr}: is the simulation running?{hint}")
 
     def alive(self, timeout_s: float = _QUERY_TIMEOUT_S) -> set[str]:
         """Names of the services that are ready now."""
@@ -188,13 +198,17 @@ class Bus:
 
 
 @contextlib.contextmanager
-def open_router(endpoint: str) -> Iterator[None]:
+def open_router(endpoint: str, credentials: Path | None = None) -> Iterator[None]:
     """A Zenoh router inside this process, listening on `endpoint` alone.
 
+    credentials: the folder of `hyrecro certs new`, for a router that asks everyone who they are.
+
     Raises:
-        BusError: the endpoint is taken or not valid.
+        BusError: the endpoint is taken or not valid. ConfigError: the credentials cannot be used.
     """
-    settings = zenoh.Config()
+    settings = zenoh.Config() if credentials is None else zenoh.Config.from_file(str(SECURE_ROUTER))
+    for key, value in router_settings(credentials).items() if credentials else ():
+        settings.insert_json5(key, value)
     settings.insert_json5("mode", '"router"')
     settings.insert_json5("listen/endpoints", json.dumps([endpoint]))
     settings.insert_json5("scouting/multicast/enabled", "false")
@@ -213,9 +227,9 @@ def open_router(endpoint: str) -> Iterator[None]:
 
 
 def is_reachable(endpoint: str) -> bool:
-    """Whether somebody accepts connections at a `tcp/HOST:PORT` endpoint; other transports are taken as reachable."""
+    """Whether somebody accepts connections at a `tcp/` or `tls/HOST:PORT`; other transports are taken as reachable."""
     protocol, _, address = endpoint.partition("/")
-    if protocol != "tcp":
+    if protocol not in ("tcp", "tls"):
         return True
     host, _, port = address.rpartition(":")
     try:
@@ -238,8 +252,12 @@ def _wait_for_router(config: BusConfig, is_stopping: Callable[[], bool]) -> None
         time.sleep(0.05)
 
 
-def _client_settings(config: BusConfig) -> zenoh.Config:
-    settings = zenoh.Config()
+def _client_settings(config: BusConfig, name: str) -> zenoh.Config:
+    credential = credential_of(config, name)
+    try:
+        settings = zenoh.Config.from_file(str(credential)) if credential else zenoh.Config()
+    except zenoh.ZError as error:
+        raise ConfigError([f"bus.credentials: {credential}: not a Zenoh configuration: {error}"]) from error
     settings.insert_json5("mode", '"client"')
     settings.insert_json5("connect/endpoints", json.dumps([config.endpoint]))
     settings.insert_json5("connect/timeout_ms", str(int(config.connect_timeout_s * 1000)))

@@ -98,7 +98,7 @@ def run_node(
         BusError: the router cannot be reached.
     """
     max_bytes = config.recorder.max_queue_mib * 1024 * 1024 if node.is_observer else None
-    with Bus(config.bus, is_stopping=is_stopping) as bus:
+    with Bus(config.bus, name=node.name, is_stopping=is_stopping) as bus:
         context.is_wanted = bus.is_wanted
         keeper = keeper_of(node, config.state_directory, settings_of(config))
         ServiceLoop(node, bus, context, Inbox(max_bytes=max_bytes), pulse, keeper).run(is_stopping)

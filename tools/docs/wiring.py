@@ -29,11 +29,12 @@ PEOPLE = "people, programs"
 
 @dataclass(frozen=True, slots=True)
 class Wires:
-    """One service, or the people who command it, and the keys it sends and takes."""
+    """One service, or the people who command it, the keys it sends and takes, and the commands that it answers."""
 
     name: str
     sends: frozenset[str]
     takes: frozenset[str]
+    answers: frozenset[str] = frozenset()
 
 
 @cache
@@ -45,7 +46,7 @@ def all_wires() -> tuple[Wires, ...]:
         inputs = ("lidar", "depth") if name == "mapper" else ("lidar",)
         nodes = [_built(build, f"mapper.input={sensor}") for sensor in inputs]
         sent = {channel.key for node in nodes for channel in node.outputs} | {EVENTS.key, HEALTH.key}
-        everyone.append(Wires(name, frozenset(sent), frozenset(_inputs(nodes))))
+        everyone.append(Wires(name, frozenset(sent), frozenset(_inputs(nodes)), frozenset(_answers(nodes))))
     return tuple(everyone)
 
 
@@ -69,6 +70,16 @@ def _builders() -> dict[str, BuildNode]:
 
 def _inputs(nodes: Iterable[Node]) -> set[str]:
     return {channel.key for node in nodes for channel in node.inputs}
+
+
+def _answers(nodes: Iterable[Node]) -> set[str]:
+    """Observers leave commands to others to answer, but those that they name."""
+    return {
+        channel.key
+        for node in nodes
+        for channel in (node.answers if node.is_observer else node.inputs)
+        if channel.is_command
+    }
 
 
 def _built(build: BuildNode, override: str) -> Node:
