@@ -40,6 +40,8 @@ class Bus:
             self._session = zenoh.open(_client_settings(config))
         except zenoh.ZError as error:
             raise BusError(f"cannot open a session on {config.endpoint}: {error}") from error
+        self._config = config
+        self._open_session: zenoh.Session | None = None
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._kept: dict[str, tuple[bytes, str]] = {}
         self._declared: list[Any] = []
@@ -83,7 +85,8 @@ class Bus:
         def on_sample(sample: zenoh.Sample) -> None:
             inbox.put(_parcel(channel, str(sample.key_expr), sample.payload, sample.encoding))
 
-        self._declared.append(self._session.declare_subscriber(channel.key_expr, on_sample))
+        session = self._session_for(channel)
+        self._declared.append(session.declare_subscriber(channel.key_expr, on_sample))
         if channel.is_command:
             self._declared.append(
                 self._session.declare_queryable(
@@ -91,14 +94,14 @@ class Bus:
                     lambda query: _take_query(channel, query, inbox, is_observer=is_observer),
                 )
             )
-        if channel.is_kept and channel.delivery is Delivery.EVERY:
+        if channel.is_kept and (channel.delivery is Delivery.EVERY or channel.robot):  # another robot may stand still
 
             def on_reply(reply: zenoh.Reply) -> None:
                 if (sample := reply.ok) is not None:
                     key = str(sample.key_expr)
                     inbox.put(_parcel(channel, key, sample.payload, sample.encoding, is_replay=True))
 
-            self._session.get(channel.key_expr, on_reply, timeout=_QUERY_TIMEOUT_S)
+            session.get(channel.key_expr, on_reply, timeout=_QUERY_TIMEOUT_S)
 
     def announce(self, name: str) -> None:
         """Holds the liveliness token of this service until the bus is closed."""
@@ -145,14 +148,23 @@ class Bus:
                 declared.undeclare()
         self._declared.clear()
         self._publishers.clear()
-        if not self._session.is_closed():
-            self._session.close()  # type: ignore[no-untyped-call]
+        for session in (self._session, self._open_session):
+            if session is not None and not session.is_closed():
+                session.close()  # type: ignore[no-untyped-call]
 
     def __enter__(self) -> Bus:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _session_for(self, channel: Channel) -> zenoh.Session:
+        """Our own, or for another robot's channels one without namespace: a namespace hears nothing from outside."""
+        if not (channel.robot and self._config.namespace):
+            return self._session
+        if self._open_session is None:
+            self._open_session = zenoh.open(_client_settings(self._config.model_copy(update={"namespace": ""})))
+        return self._open_session
 
     def _hold(self, token: str) -> None:
         self._declared.append(self._session.liveliness().declare_token(token))
