@@ -50,30 +50,34 @@ class _Child:
 class Pipeline:
     """The running processes. `arguments` (--config, --set ...) led to `config`; they go to every service.
 
-    logs_dir: a file per process; None = they write to this process's stderr.
+    logs_dir: a file per process; None = they write to this process's stderr. is_joining: the router runs already.
     """
 
-    def __init__(self, config: Config, arguments: list[str], *, logs_dir: Path | None = None) -> None:
+    def __init__(
+        self, config: Config, arguments: list[str], *, logs_dir: Path | None = None, is_joining: bool = False
+    ) -> None:
         self._bus_config, self._groups = config.bus, services_of(config)
         self._arguments = arguments
         self._logs_dir = logs_dir
+        self._is_joining = is_joining
         self._children: list[_Child] = []
 
     def start(self, is_stopping: Callable[[], bool], on_ready: Callable[[str], None] = lambda name: None) -> None:
         """Starts the router, then every service; returns when all are ready, or early when `is_stopping`.
 
         Raises:
-            PipelineError: the endpoint is taken, or a service ended or is not ready in time.
+            PipelineError: the endpoint is taken, or the robot runs already, or a service ended or is not ready in time.
+            BusError: there is no router to join.
         """
-        endpoint = self._bus_config.endpoint
-        if endpoint.startswith("tcp/") and is_reachable(endpoint):
-            raise PipelineError(f"{endpoint} is taken: is another pipeline running? Set bus.endpoint to use another")
-        self._spawn("router", ["-m", "cli.main", "router", "--endpoint", endpoint])
-        self._wait_until(lambda: is_reachable(endpoint), "router", is_stopping)
-        if is_stopping():
-            return
-        on_ready("router")
+        if not self._is_joining:
+            self._start_router(is_stopping)
+            if is_stopping():
+                return
+            on_ready("router")
         with Bus(self._bus_config, is_stopping=is_stopping) as bus:
+            if running := bus.alive() & {name for group in self._groups for name in group}:
+                robot = self._bus_config.namespace or "a robot without bus.namespace"
+                raise PipelineError(f"{robot} runs already: {', '.join(sorted(running))}. Set another bus.namespace")
             for group in self._groups:
                 if is_stopping():
                     return
@@ -83,6 +87,15 @@ class Pipeline:
                     self._wait_until(lambda name=name: name in bus.alive(), name, is_stopping)  # type: ignore[misc]
                     if not is_stopping():
                         on_ready(name)
+
+    def _start_router(self, is_stopping: Callable[[], bool]) -> None:
+        endpoint = self._bus_config.endpoint
+        if endpoint.startswith("tcp/") and is_reachable(endpoint):
+            raise PipelineError(
+                f"{endpoint} is taken: is another pipeline running? Set bus.endpoint to use another, or give --join"
+            )
+        self._spawn("router", ["-m", "cli.main", "router", "--endpoint", endpoint])
+        self._wait_until(lambda: is_reachable(endpoint), "router", is_stopping)
 
     def ended_child(self) -> str | None:
         """What to say of a child that ended though it should run, or None."""

@@ -6,7 +6,7 @@ import contextlib
 import json
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
 import zenoh
@@ -181,8 +181,10 @@ class Bus:
 
 
 @contextlib.contextmanager
-def open_router(endpoint: str) -> Iterator[None]:
+def open_router(endpoint: str, peers: Sequence[str] = ()) -> Iterator[None]:
     """A Zenoh router inside this process, listening on `endpoint` alone.
+
+    peers: endpoints of other hosts' routers, which it joins as soon as they run, and again after each cut.
 
     Raises:
         BusError: the endpoint is taken or not valid.
@@ -190,6 +192,7 @@ def open_router(endpoint: str) -> Iterator[None]:
     settings = zenoh.Config()
     settings.insert_json5("mode", '"router"')
     settings.insert_json5("listen/endpoints", json.dumps([endpoint]))
+    settings.insert_json5("connect/endpoints", json.dumps(list(peers)))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
     _set_queues(settings)
