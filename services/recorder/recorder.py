@@ -40,7 +40,7 @@ class Recorder:
     and what a service says that has seen no time yet. Before any time is known such messages wait, up to a thousand of
     them, or a recording of a real sensor, whose time is that of day, would begin in 1970.
 
-    metadata: text kept at the head of each file. channels: the table, with those of further sensors. robot: its namespace.
+    metadata: text kept at the head of each file. channels: the table, with those of further sensors. robot: namespace.
 
     Raises:
         ConfigError: `config.channels` has a pattern that no key matches.
