@@ -18,10 +18,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any, cast
 
+from mcap.reader import make_reader
+
 from bench.hosts.network import ADDRESSES, Network, network, on_host
 from bench.hosts.wire import Quality
 from shared.runtime.exit_codes import Exit
-from mcap.reader import make_reader
 
 PORT = 7447
 SERVICES = {"base": ("recorder", "evaluator"), "robot": ("mapper", "planner", "sensors", "sim")}
@@ -66,13 +67,13 @@ class Hosts:
     def record(self, *arguments: str) -> None:
         """`hyrecro record ...` on the base; 3 of a stop says that the recording lacks something."""
         command = ["-m", "cli.main", "record", *arguments, "--set", f"bus.endpoint={_endpoint('base')}"]
-        code = subprocess.run(on_host("base", sys.executable, *command), stdout=subprocess.DEVNULL).returncode
-        if code not in (Exit.FINE, Exit.PARTIAL):
-            raise SystemExit(f"hyrecro record {arguments[0]} ended with {code}")
+        done = subprocess.run(on_host("base", sys.executable, *command), stdout=subprocess.DEVNULL, check=False)  # noqa: S603
+        if done.returncode not in (Exit.FINE, Exit.PARTIAL):
+            raise SystemExit(f"hyrecro record {arguments[0]} ended with {done.returncode}")
 
     def _start(self, host: str, *module: str) -> subprocess.Popen[str]:
         log = self._stack.enter_context((self.folder / f"{host}_{module[0]}.log").open("w"))
-        process = subprocess.Popen(
+        process = subprocess.Popen(  # noqa: S603 - our own modules
             on_host(host, sys.executable, "-m", *module),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -41,7 +41,7 @@ def network() -> Iterator[Network]:
     """Makes both hosts, and takes them away at the end."""
     made: list[str] = []
     devices = {host: f"hyr_{host}" for host in ADDRESSES}
-    wire = subprocess.Popen(
+    wire = subprocess.Popen(  # noqa: S603 - our own module
         [sys.executable, "-m", "bench.hosts.wire", *devices.values()],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
@@ -65,4 +65,4 @@ def network() -> Iterator[Network]:
 
 
 def _ip(*arguments: str) -> None:
-    subprocess.run(["ip", *arguments], check=True)
+    subprocess.run(["ip", *arguments], check=True)  # noqa: S603, S607 - iproute2, wherever it is

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import sys
 import threading
@@ -74,7 +75,7 @@ class Probe:
             gaps_s = {}
             for channel in CHANNELS:
                 times_s = [since_s, *self._times_s[channel.key], now_s]
-                gaps_s[channel.key] = round(max(b - a for a, b in zip(times_s, times_s[1:], strict=False)), 3)
+                gaps_s[channel.key] = round(max(b - a for a, b in itertools.pairwise(times_s)), 3)
             report = {
                 "seconds": round(now_s - since_s, 3),
                 "num_received": {key: len(times) for key, times in self._times_s.items()},
