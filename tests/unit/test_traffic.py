@@ -59,3 +59,11 @@ def test_a_replayed_message_is_known_if_it_or_a_later_one_came():
 
 def test_a_key_of_which_all_was_dropped_is_in_the_snapshot():
     assert counts(Traffic(), {"k": 9})["k"].num_dropped == 9
+
+
+def test_another_robot_s_stamps_are_not_our_time():
+    traffic = Traffic()
+    traffic.received("k", clock(0, stamp_ns=5))
+    traffic.received("robot_b/k", clock(0, stamp_ns=99), tells_time=False)
+    assert traffic.stamp_ns == 5
+    assert counts(traffic)["robot_b/k"].num_received == 1
