@@ -7,6 +7,7 @@ stdin changes how, and is answered by a line with what was carried since the las
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
 import os
@@ -64,7 +65,8 @@ class Wire:
         now_s, next_s = time.monotonic(), None
         for side in self._sides:
             while side.waiting and side.waiting[0][0] <= now_s:
-                os.write(side.device, side.waiting.popleft()[1])
+                with contextlib.suppress(OSError):  # the device is not up yet
+                    os.write(side.device, side.waiting.popleft()[1])
             if side.waiting:
                 wait_s = max(0.0, side.waiting[0][0] - now_s)
                 next_s = wait_s if next_s is None else min(next_s, wait_s)
