@@ -20,7 +20,7 @@ from services.mapper.mapper import Mapper
 from services.player.trajectory import MoveTo, read_trajectory
 from services.sensors.loading import load_lidar, sensor_seed
 from services.sensors.surroundings import MEMBERS_A_ROBOT
-from services.sim.climbing_sim import ClimbingSim
+from services.sim.node import load_sim
 from shared.geometry import SE3
 from shared.messaging.frames import FrameTree
 from shared.messaging.messages import (
@@ -34,7 +34,6 @@ from shared.messaging.messages import (
     StructureDescription,
     Transforms,
 )
-from shared.robot.urdf import read_urdf
 from shared.runtime.config import CONFIGS_DIR, Config
 from shared.runtime.config_loading import load_config
 from shared.solids import Box
@@ -49,12 +48,7 @@ class Walker:
     """A simulated robot that goes through a trajectory, again and again if `is_endless`."""
 
     def __init__(self, config: Config, trajectory: Path, *, is_endless: bool) -> None:
-        self._sim = ClimbingSim(
-            config.sim,
-            urdf_text=read_urdf(config.robot),
-            structure=load_structure(config.structure),
-            mark_text=read_urdf(config.fixed_foot_mark),
-        )
+        self._sim = load_sim(config)
         self._rows = read_trajectory(trajectory)
         self._is_endless = is_endless
         self._state: dict[type[Message], Any] = {}
