@@ -63,9 +63,9 @@ class Model:
         if not few:
             raise ValueError("nothing was measured yet: run `python -m bench.many`")
         work_s = {}
-        for kind, key in WORK.items():
+        for kind in dict.fromkeys(kind for load in few for kind in load.kinds):
             those = [load for load in few if kind in load.kinds]
-            work_s[kind] = sum(load.cpu[kind] for load in those) / sum(_made(load, key) for load in those)
+            work_s[kind] = sum(load.cpu[kind] for load in those) / sum(_num_made(load, kind) for load in those)
         routed = np.array([[load.routed_hz, load.routed_mb_per_s] for load in few])
         router_cpu = np.array([load.cpu["router"] for load in few])
         (hop_s, mb_s), *_ = np.linalg.lstsq(routed, router_cpu, rcond=None)
@@ -120,5 +120,6 @@ def report(loads: Sequence[Load]) -> str:
     )
 
 
-def _made(load: Load, key: str) -> float:
-    return load.num_robots * load.rate_hz[key]
+def _num_made(load: Load, kind: str) -> float:
+    """Messages a second that all robots' processes of this kind make."""
+    return load.num_robots * load.rate_hz[WORK[kind]]

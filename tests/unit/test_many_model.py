@@ -32,8 +32,7 @@ FEW = [load(number, kinds) for number in (1, 2) for kinds in (("sim",), ("lidar"
 
 
 @pytest.fixture
-def model(monkeypatch):
-    monkeypatch.setattr("bench.many_model.WORK", {"sim": "tf", "lidar": "lidar/points"})
+def model():
     return Model.fitted([*FEW, load(4)])
 
 
@@ -60,5 +59,5 @@ def test_the_report_sets_what_was_measured_beside_what_was_foretold(model):
 
 
 def test_without_measurements_it_says_what_to_do():
-    with pytest.raises(ValueError, match="run `python -m bench.many`"):
+    with pytest.raises(ValueError, match=r"run `python -m bench\.many`"):
         Model.fitted([load(4)])
