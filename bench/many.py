@@ -17,9 +17,10 @@ import statistics
 import subprocess
 import sys
 import time
-from collections import Counter, defaultdict
+from collections import defaultdict
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -122,8 +123,8 @@ def _pings(robots: Robots, seconds: float) -> list[float]:
 
 def _traffic(inboxes: list[Inbox]) -> tuple[dict[str, float], dict[str, float], int]:
     """Messages a second sent and received by key, of all robots; how many were missed or dropped."""
-    sent_hz: Counter[str] = Counter()
-    received_hz: Counter[str] = Counter()
+    sent_hz: defaultdict[str, float] = defaultdict(float)
+    received_hz: defaultdict[str, float] = defaultdict(float)
     num_lost = 0
     for inbox in inboxes:
         heartbeats: dict[str, list[Health]] = defaultdict(list)
@@ -138,7 +139,11 @@ def _traffic(inboxes: list[Inbox]) -> tuple[dict[str, float], dict[str, float], 
                 sent_hz[key] += (count.num_sent - before.num_sent) / seconds
                 received_hz[key] += (count.num_received - before.num_received) / seconds
                 num_lost += count.num_missed + count.num_dropped - before.num_missed - before.num_dropped
-    return dict(+sent_hz), dict(+received_hz), num_lost
+    return _above_zero(sent_hz), _above_zero(received_hz), num_lost
+
+
+def _above_zero(rates: dict[str, float]) -> dict[str, float]:
+    return {key: rate for key, rate in rates.items() if rate > 0}
 
 
 def _sizes(config: BusConfig) -> dict[str, int]:
@@ -179,7 +184,7 @@ def main() -> None:
     parser.add_argument("--cores", type=float, default=2.0)
     parser.add_argument("--link-mbps", type=float, default=1000.0)
     arguments = parser.parse_args()
-    loads = [Load(**{**load, "kinds": tuple(load["kinds"])}) for load in _read(arguments.out)]
+    loads = _read(arguments.out)
     if arguments.predict is not None:
         print(Model.fitted(loads).prediction(arguments.predict, arguments.cores, arguments.link_mbps))
         return
@@ -193,8 +198,9 @@ def main() -> None:
     print(report(loads))
 
 
-def _read(path: Path) -> list[dict[str, object]]:
-    return json.loads(path.read_text()) if path.exists() else []
+def _read(path: Path) -> list[Load]:
+    loads: list[dict[str, Any]] = json.loads(path.read_text()) if path.exists() else []
+    return [Load(**{**load, "kinds": tuple(load["kinds"])}) for load in loads]
 
 
 if __name__ == "__main__":

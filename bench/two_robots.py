@@ -61,7 +61,7 @@ class Walker:
                 yield from self._row(row)
             if not self._is_endless:
                 return
-            self._rows = list(reversed(self._rows))  # the way back
+            self._rows = self._rows[::-1]  # the way back
 
     def _row(self, row: object) -> Iterator[list[Message]]:
         if not isinstance(row, MoveTo):
@@ -133,7 +133,7 @@ def _scans(lidar: Any, mapper: Mapper, message: Message) -> list[Any]:
     return []
 
 
-def _distances_m(points_m: NDArray[np.float64], config: Config) -> NDArray[np.float64]:
+def _distances_m(points_m: NDArray[np.floating], config: Config) -> NDArray[np.float64]:
     """Of points in the world (N, 3) to the nearest bar; the ground is far below."""
     nearest_m = np.full(len(points_m), np.inf)
     for member in load_structure(config.structure).members:

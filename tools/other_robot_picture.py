@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -37,7 +38,7 @@ def main() -> None:
 
     mpl.use("Agg")
     figure = plt.figure(figsize=(10, 6), facecolor=BACKGROUND)
-    axes = figure.add_axes((0, 0, 1, 1), projection="3d", facecolor=BACKGROUND, computed_zorder=False)
+    axes: Any = figure.add_axes((0, 0, 1, 1), projection="3d", facecolor=BACKGROUND, computed_zorder=False)
     for mask, colour, size in ((~is_other, STEEL, 0.3), (is_other, OTHER, 4.0)):
         axes.scatter(*points_m[mask].T, s=size, c=colour, linewidths=0)
     axes.set(xlim=(-2.1, 2.1), ylim=(-2.2, 1.2), zlim=(9.2, 11.9))
