@@ -1,9 +1,9 @@
 """N robots on one router: rates, CPU, delay and losses for 1, 2, 4 and 8 of them, and a model that foretells them.
 
 `python -m bench.many` measures and writes JSON; the model is fitted on one and two robots and checked on the others.
-`python -m bench.many --predict 20 --cores 8 --link-mbps 100` says what so many robots need.
+`python -m bench.many --predict 20 --pace 1 --cores 8 --link-mbps 100` says what so many robots need.
 
-Robots are slow: a fifth of real time, so that transforms go at 20 Hz and scans of 512x128 beams at 2 Hz. Without shared
+Robots are slow by default: a fifth of real time, so that transforms go at 20 Hz and scans of 512x128 beams at 2 Hz. Without shared
 memory, as between hosts.
 """
 
@@ -24,7 +24,7 @@ from typing import Any
 
 import psutil
 
-from bench.many_model import Load, Model, report
+from bench.many_model import SLOW, Load, Model, report
 from shared.messaging.bus import Bus
 from shared.messaging.channels import CHANNELS, CLOCK, HEALTH, Channel, Delivery
 from shared.messaging.codec import decode
@@ -34,7 +34,6 @@ from shared.runtime.config import BusConfig
 
 MODULES = {"sim": "services.sim", "lidar": "services.sensors", "mapper": "services.mapper"}
 SETUPS = (("sim",), ("lidar", "sim"), ("mapper", "lidar", "sim"))
-SETTINGS = ("sim.real_time_factor=0.2", "bus.shared_memory_mib=0")
 PING = replace(CLOCK, key="bench/ping", delivery=Delivery.EVERY, is_kept=False)
 PING_HZ = 50.0
 SETTLE_S = 3.0
@@ -44,8 +43,8 @@ INBOX_BYTES = 256 * 1024 * 1024
 class Robots:
     """The router's and the robots' processes by kind, and a session in each robot's namespace."""
 
-    def __init__(self, stack: contextlib.ExitStack, num_robots: int, kinds: tuple[str, ...]) -> None:
-        self._stack, self.num_robots, self.kinds = stack, num_robots, kinds
+    def __init__(self, stack: contextlib.ExitStack, num_robots: int, kinds: tuple[str, ...], pace: float) -> None:
+        self._stack, self.num_robots, self.kinds, self.pace = stack, num_robots, kinds, pace
         self._processes: dict[str, list[psutil.Process]] = defaultdict(list)
         endpoint = _free_endpoint()
         self._start("router", "cli.main", "router", "--endpoint", endpoint)
@@ -55,7 +54,8 @@ class Robots:
         self.buses = [stack.enter_context(Bus(config)) for config in self.configs]
         for kind in kinds:
             for config in self.configs:
-                settings = [f"bus.endpoint={endpoint}", f"bus.namespace={config.namespace}", *SETTINGS]
+                settings = [f"bus.endpoint={endpoint}", f"bus.namespace={config.namespace}"]
+                settings += [f"sim.real_time_factor={pace}", "bus.shared_memory_mib=0"]
                 self._start(kind, MODULES[kind], *(part for setting in settings for part in ("--set", setting)))
         for bus in self.buses:
             while not set(kinds) <= bus.alive():
@@ -88,6 +88,7 @@ def measure(robots: Robots, seconds: float) -> Load:
     centiles = statistics.quantiles(delays_ms, n=100)
     return Load(
         num_robots=robots.num_robots,
+        real_time_factor=robots.pace,
         kinds=robots.kinds,
         cpu={kind: round((cpu[kind] - cpu_before[kind]) / elapsed_s, 4) for kind in cpu},
         rate_hz={key: round(rate * per_robot, 2) for key, rate in sorted(sent_hz.items())},
@@ -180,20 +181,22 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("docs/benchmarks/many.json"))
     parser.add_argument("--robots", type=int, nargs="*", default=[1, 2, 4, 8])
     parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--pace", type=float, default=SLOW, help="seconds of simulated time a second")
     parser.add_argument("--predict", type=int, metavar="ROBOTS", help="only say what so many need")
     parser.add_argument("--cores", type=float, default=2.0)
     parser.add_argument("--link-mbps", type=float, default=1000.0)
     arguments = parser.parse_args()
-    loads = _read(arguments.out)
+    loads, pace = _read(arguments.out), arguments.pace
     if arguments.predict is not None:
-        print(Model.fitted(loads).prediction(arguments.predict, arguments.cores, arguments.link_mbps))
+        print(Model.fitted(loads).prediction(arguments.predict, arguments.cores, arguments.link_mbps, pace))
         return
     for num_robots in arguments.robots:
         for kinds in SETUPS:
             print(f"{num_robots} x {' + '.join(kinds)} ...", file=sys.stderr)
             with contextlib.ExitStack() as stack:
-                load = measure(Robots(stack, num_robots, kinds), arguments.seconds)
-            loads = [old for old in loads if (old.num_robots, old.kinds) != (num_robots, kinds)] + [load]
+                load = measure(Robots(stack, num_robots, kinds, pace), arguments.seconds)
+            this = (num_robots, kinds, pace)
+            loads = [old for old in loads if (old.num_robots, old.kinds, old.real_time_factor) != this] + [load]
             arguments.out.write_text(json.dumps([asdict(each) for each in loads], indent=1) + "\n")
     print(report(loads))
 

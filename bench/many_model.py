@@ -9,15 +9,16 @@ import numpy as np
 
 WORK = {"sim": "tf", "lidar": "lidar/points", "mapper": "map/odometry"}
 """What a kind of process makes, one after the other: its CPU goes with their rate."""
-NUM_FITTED = 2
-"""Loads of at most so many robots are fitted; the others check."""
+NUM_FITTED, SLOW = 2, 0.2
+"""Loads of at most so many robots at this pace are fitted; the others check."""
 FULL = 0.8
 """Of a machine's cores or a link: above, delays grow without the mean being full."""
 
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """Measured of N robots. cpu: seconds of CPU a second, by kind of process, all robots together.
+    """Measured of N robots. real_time_factor: seconds of simulated time a second. cpu: seconds of CPU a second, by kind
+    of process, all robots together.
 
     rate_hz: messages a second of one robot, the mean, by key. routed_hz, routed_mb_per_s: into and out of the router,
     each message once for its sender and once for each who takes it. num_lost: missed or dropped anywhere. delay: of a
@@ -25,6 +26,7 @@ class Load:
     """
 
     num_robots: int
+    real_time_factor: float
     kinds: tuple[str, ...]
     cpu: dict[str, float]
     rate_hz: dict[str, float]
@@ -43,14 +45,16 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """work_s: seconds of CPU of each kind for one message it makes. hop_s, mb_s: of the router, for a message and for
-    a megabyte that goes in or out. one: the load of one whole robot, whose rates and sizes are taken for all.
+    """work_s: seconds of CPU of each kind for one message it makes. idle: of the router, a second, whatever it does.
+    hop_s, mb_s: of the router, for a message and for a megabyte that goes in or out. ones: the loads of one robot by its
+    services, whose rates and sizes are taken for all robots.
     """
 
     work_s: dict[str, float]
+    idle: float
     hop_s: float
     mb_s: float
-    one: Load
+    ones: dict[tuple[str, ...], Load]
 
     @classmethod
     def fitted(cls, loads: Sequence[Load]) -> Model:
@@ -59,30 +63,37 @@ class Model:
         Raises:
             ValueError: there are none.
         """
-        few = [load for load in loads if load.num_robots <= NUM_FITTED]
+        few = [load for load in loads if load.num_robots <= NUM_FITTED and load.real_time_factor == SLOW]
         if not few:
             raise ValueError("nothing was measured yet: run `python -m bench.many`")
         work_s = {}
         for kind in dict.fromkeys(kind for load in few for kind in load.kinds):
             those = [load for load in few if kind in load.kinds]
             work_s[kind] = sum(load.cpu[kind] for load in those) / sum(_num_made(load, kind) for load in those)
-        routed = np.array([[load.routed_hz, load.routed_mb_per_s] for load in few])
+        routed = np.array([[1.0, load.routed_hz, load.routed_mb_per_s] for load in few])
         router_cpu = np.array([load.cpu["router"] for load in few])
-        (hop_s, mb_s), *_ = np.linalg.lstsq(routed, router_cpu, rcond=None)
-        one = max((load for load in few if load.num_robots == 1), key=lambda load: len(load.kinds))
-        return cls(work_s, float(hop_s), float(mb_s), one)
+        (idle, hop_s, mb_s), *_ = np.linalg.lstsq(routed, router_cpu, rcond=None)
+        ones = {load.kinds: load for load in few if load.num_robots == 1}
+        return cls(work_s, float(idle), float(hop_s), float(mb_s), ones)
 
-    def cpu(self, num_robots: int, kinds: Sequence[str], alike: Load) -> dict[str, float]:
-        """Seconds of CPU a second by kind, of so many robots that do as one of `alike` was asked to do."""
-        share = num_robots / alike.num_robots
-        cpu = {kind: num_robots * alike.rate_hz[WORK[kind]] * self.work_s[kind] for kind in kinds}
-        return {**cpu, "router": share * (self.hop_s * alike.routed_hz + self.mb_s * alike.routed_mb_per_s)}
+    def cpu(self, num_robots: int, kinds: tuple[str, ...], real_time_factor: float = SLOW) -> dict[str, float]:
+        """Seconds of CPU a second by kind, of so many robots with these services."""
+        one, times = self.ones[kinds], num_robots * real_time_factor / SLOW
+        cpu = {kind: times * one.rate_hz[WORK[kind]] * self.work_s[kind] for kind in kinds}
+        return {**cpu, "router": self.idle + times * (self.hop_s * one.routed_hz + self.mb_s * one.routed_mb_per_s)}
 
-    def prediction(self, num_robots: int, num_cores: float, link_mbps: float) -> str:
+    @property
+    def whole(self) -> Load:
+        """Of one robot with all services."""
+        return max(self.ones.values(), key=lambda load: len(load.kinds))
+
+    def prediction(self, num_robots: int, num_cores: float, link_mbps: float, real_time_factor: float) -> str:
         """What so many whole robots need, as text; also how many fit."""
-        cpu = self.cpu(num_robots, self.one.kinds, self.one)
-        total, mbps = sum(cpu.values()), num_robots * self.one.mbit_per_s
-        fits = int(FULL * num_cores / (total / num_robots)), int(FULL * link_mbps / self.one.mbit_per_s)
+        cpu = self.cpu(num_robots, self.whole.kinds, real_time_factor)
+        total, mbps_each = sum(cpu.values()), self.whole.mbit_per_s * real_time_factor / SLOW
+        mbps = num_robots * mbps_each
+        cores_each = (total - self.idle) / num_robots
+        fits = int((FULL * num_cores - self.idle) / cores_each), int(FULL * link_mbps / mbps_each)
         parts = ", ".join(f"{kind} {cores:.2f}" for kind, cores in cpu.items())
         return (
             f"{num_robots} robots need {total:.2f} of {num_cores:g} cores ({parts}); "
@@ -94,18 +105,17 @@ class Model:
 def report(loads: Sequence[Load]) -> str:
     """Markdown: what was measured, beside what the model of one and two robots says."""
     model = Model.fitted(loads)
-    alike = {load.kinds: load for load in loads if load.num_robots == 1}
     lines = [
-        "| robots | services each | tf Hz | scans Hz | odometry Hz | router CPU | all CPU | model | error | lost | "
+        "| robots | pace | services each | tf Hz | scans Hz | odometry Hz | router CPU | all CPU | model | error | lost | "
         "delay p50, p99 ms |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
-    for load in sorted(loads, key=lambda load: (len(load.kinds), load.num_robots)):
+    for load in sorted(loads, key=lambda load: (load.real_time_factor, len(load.kinds), load.num_robots)):
         total = sum(load.cpu.values())
-        foretold = sum(model.cpu(load.num_robots, load.kinds, alike[load.kinds]).values())
+        foretold = sum(model.cpu(load.num_robots, load.kinds, load.real_time_factor).values())
         rates = " | ".join(f"{load.rate_hz[key]:.1f}" if key in load.rate_hz else "" for key in WORK.values())
         lines.append(
-            f"| {load.num_robots} | {', '.join(load.kinds)} | {rates} | {load.cpu['router']:.3f} | {total:.2f} | "
+            f"| {load.num_robots} | {load.real_time_factor:g} | {', '.join(load.kinds)} | {rates} | {load.cpu['router']:.3f} | {total:.2f} | "
             f"{foretold:.2f} | {foretold / total - 1:+.0%} | {load.num_lost} | "
             f"{load.delay_p50_ms:.2f}, {load.delay_p99_ms:.2f} |"
         )
@@ -114,8 +124,9 @@ def report(loads: Sequence[Load]) -> str:
         [
             *lines,
             "",
-            f"CPU a message made: {costs}. Router: {1e6 * model.hop_s:.0f} us a message in or out, "
-            f"{1e3 * model.mb_s:.2f} ms a MB. A whole robot sends {model.one.mbit_per_s:.2f} Mbit/s.",
+            f"CPU a message made: {costs}. Router: {1e3 * model.idle:.1f} ms a second, {1e6 * model.hop_s:.0f} us "
+            f"a message in or out, {1e3 * model.mb_s:.2f} ms a MB. A whole robot at pace {SLOW:g} sends "
+            f"{model.whole.mbit_per_s:.2f} Mbit/s.",
         ]
     )
 
