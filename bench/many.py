@@ -3,8 +3,8 @@
 `python -m bench.many` measures and writes JSON; the model is fitted on one and two robots and checked on the others.
 `python -m bench.many --predict 20 --pace 1 --cores 8 --link-mbps 100` says what so many robots need.
 
-Robots are slow by default: a fifth of real time, so that transforms go at 20 Hz and scans of 512x128 beams at 2 Hz. Without shared
-memory, as between hosts.
+Robots are slow by default: a fifth of real time, so that transforms go at 20 Hz and scans of 512x128 beams at 2 Hz.
+Without shared memory, as between hosts.
 """
 
 from __future__ import annotations

@@ -46,8 +46,8 @@ class Load:
 @dataclass(frozen=True, slots=True)
 class Model:
     """work_s: seconds of CPU of each kind for one message it makes. idle: of the router, a second, whatever it does.
-    hop_s, mb_s: of the router, for a message and for a megabyte that goes in or out. ones: the loads of one robot by its
-    services, whose rates and sizes are taken for all robots.
+    hop_s, mb_s: of the router, for a message and for a megabyte that goes in or out. ones: the loads of one robot by
+    its services, whose rates and sizes are taken for all robots.
     """
 
     work_s: dict[str, float]
@@ -106,8 +106,8 @@ def report(loads: Sequence[Load]) -> str:
     """Markdown: what was measured, beside what the model of one and two robots says."""
     model = Model.fitted(loads)
     lines = [
-        "| robots | pace | services each | tf Hz | scans Hz | odometry Hz | router CPU | all CPU | model | error | lost | "
-        "delay p50, p99 ms |",
+        "| robots | pace | services each | tf Hz | scans Hz | odometry Hz | router CPU | all CPU | model | error "
+        "| lost | delay p50, p99 ms |",
         "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for load in sorted(loads, key=lambda load: (load.real_time_factor, len(load.kinds), load.num_robots)):
@@ -115,7 +115,8 @@ def report(loads: Sequence[Load]) -> str:
         foretold = sum(model.cpu(load.num_robots, load.kinds, load.real_time_factor).values())
         rates = " | ".join(f"{load.rate_hz[key]:.1f}" if key in load.rate_hz else "" for key in WORK.values())
         lines.append(
-            f"| {load.num_robots} | {load.real_time_factor:g} | {', '.join(load.kinds)} | {rates} | {load.cpu['router']:.3f} | {total:.2f} | "
+            f"| {load.num_robots} | {load.real_time_factor:g} | {', '.join(load.kinds)} | {rates} | "
+            f"{load.cpu['router']:.3f} | {total:.2f} | "
             f"{foretold:.2f} | {foretold / total - 1:+.0%} | {load.num_lost} | "
             f"{load.delay_p50_ms:.2f}, {load.delay_p99_ms:.2f} |"
         )
