@@ -58,10 +58,10 @@ def network() -> Iterator[Network]:
                 _ip("-n", _PREFIX + host, "link", "set", name, "up")
         yield Network(wire)
     finally:
-        for host in made:
-            _ip("netns", "del", _PREFIX + host)
         cast(IO[str], wire.stdin).close()
         wire.wait(5.0)
+        for host in made:
+            _ip("netns", "del", _PREFIX + host)
 
 
 def _ip(*arguments: str) -> None:
