@@ -32,8 +32,9 @@ class Network:
 
 
 def on_host(host: str, *command: str) -> list[str]:
-    """The command as it is run on `robot` or `base`."""
-    return ["ip", "netns", "exec", _PREFIX + host, *command]
+    """The command as it is run on `robot` or `base`, with a /dev/shm of its own: hosts share no memory."""
+    private = ["unshare", "--mount", "sh", "-c", 'mount -t tmpfs tmpfs /dev/shm && exec "$@"', "sh"]
+    return ["ip", "netns", "exec", _PREFIX + host, *private, *command]
 
 
 @contextlib.contextmanager
