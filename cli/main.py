@@ -22,6 +22,7 @@ from cli import (
     sim_commands,
     structure_commands,
     sweep_commands,
+    top_commands,
     view_commands,
 )
 from shared.errors import ConfigError, HyrecroError, InputFileError, StoppedError
@@ -35,6 +36,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 pipeline_commands.register(app)
+top_commands.register(app)
 map_commands.register(app)
 eval_commands.register(app)
 sweep_commands.register(app)

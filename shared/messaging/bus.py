@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -16,15 +17,13 @@ from shared.messaging.channels import ALIVE, PUBLISHED, Channel, Delivery
 from shared.messaging.codec import MIME, decode, encode, schema_of
 from shared.messaging.inbox import Inbox, Parcel
 from shared.messaging.messages import Message
+from shared.messaging.queues import BATCH_BYTES, ROUTER_RUNTIME, queues_of_client, queues_of_router
 from shared.runtime.config import BusConfig
 
 M = TypeVar("M", bound=Message)
 
-_DROP_AFTER_US = 50_000
-"""How long a LATEST message may wait for room on its link before it is dropped: half a LiDAR period."""
-_QUEUE_BATCHES = 16
-"""Zenoh's largest queue of a link, in batches of 64 KiB; its default is 2."""
 _QUERY_TIMEOUT_S = 2.0
+_SHARED_MEMORY = "transport/shared_memory/transport_optimization"
 
 
 class Bus:
@@ -56,19 +55,21 @@ class Bus:
             channel.key_expr,
             encoding=f"{MIME};{schema_of(channel.message)}",
             congestion_control=congestion.DROP if is_latest else congestion.BLOCK,
+            priority=_priority(channel),
         )
-        self._hold(PUBLISHED.replace("**", channel.key))
         if channel.is_kept:
             self._declared.append(
                 self._session.declare_queryable(channel.key_expr, lambda query: self._answer_kept(channel, query))
             )
+        self._hold(PUBLISHED.replace("**", channel.key))  # last: who sees it may ask at once
 
-    def publish(self, channel: Channel, message: Message) -> None:
-        """Sends a message on an advertised channel."""
+    def publish(self, channel: Channel, message: Message) -> int:
+        """Sends a message on an advertised channel; returns how many bytes it has."""
         payload = encode(message)
         if channel.is_kept:  # first, or a late joiner's question could fall between the two
             self._kept[channel.key] = (payload, f"{MIME};{schema_of(channel.message)}")
         self._publishers[channel.key].put(payload)
+        return len(payload)
 
     def is_wanted(self, channel: Channel) -> bool:
         """Whether anybody subscribes to an advertised channel now."""
@@ -78,6 +79,8 @@ class Bus:
 
     def subscribe(self, channel: Channel, inbox: Inbox, *, is_observer: bool = False) -> None:
         """Lets what comes on the channel into the inbox: messages, commands as queries, and the last kept message.
+
+        What is kept is asked for again when the publisher, the router or this session was out of reach for a while.
 
         is_observer: commands that come as queries are seen, but their answer is left to who carries them out.
         """
@@ -95,13 +98,7 @@ class Bus:
                 )
             )
         if channel.is_kept and (channel.delivery is Delivery.EVERY or channel.robot):  # another robot may stand still
-
-            def on_reply(reply: zenoh.Reply) -> None:
-                if (sample := reply.ok) is not None:
-                    key = str(sample.key_expr)
-                    inbox.put(_parcel(channel, key, sample.payload, sample.encoding, is_replay=True))
-
-            session.get(channel.key_expr, on_reply, timeout=_QUERY_TIMEOUT_S)
+            self._ask_kept(channel, inbox)
 
     def announce(self, name: str) -> None:
         """Holds the liveliness token of this service until the bus is closed."""
@@ -115,7 +112,7 @@ class Bus:
         Raises:
             CodecError: the answer is not such a message.
         """
-        for reply in self._session.get(channel.key_expr, timeout=timeout_s):
+        for reply in self._session.get(channel.key_expr, priority=_priority(channel), timeout=timeout_s):
             if (sample := reply.ok) is not None:
                 return decode(message_type, sample.payload.to_bytes(), schema=_schema(sample.encoding))
         return None
@@ -127,7 +124,10 @@ class Bus:
             RefusedError: with the reason the robot gives.
             BusError: nobody answers.
         """
-        for reply in self._session.get(channel.key_expr, payload=encode(message), timeout=timeout_s):
+        replies = self._session.get(
+            channel.key_expr, payload=encode(message), priority=_priority(channel), timeout=timeout_s
+        )
+        for reply in replies:
             if (refusal := reply.err) is not None:
                 raise RefusedError(refusal.payload.to_string())
             return
@@ -174,6 +174,23 @@ class Bus:
         replies = self._session.liveliness().get(stem + "**", timeout=timeout_s)
         return {str(reply.ok.key_expr).partition(stem)[2] for reply in replies if reply.ok is not None}
 
+    def _ask_kept(self, channel: Channel, inbox: Inbox) -> None:
+        """Asks for the last message now, and whenever a publisher of the channel comes, or comes back, within reach."""
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if (sample := reply.ok) is not None:
+                inbox.put(_parcel(channel, str(sample.key_expr), sample.payload, sample.encoding, is_replay=True))
+
+        def ask(seen: zenoh.Sample | None = None) -> None:
+            if seen is None or seen.kind == zenoh.SampleKind.PUT:
+                session.get(channel.key_expr, on_reply, priority=_priority(channel), timeout=_QUERY_TIMEOUT_S)
+
+        session, token = self._session_for(channel), PUBLISHED.replace("**", channel.key)
+        if channel.robot:
+            token = f"{channel.robot}/{token}"
+        self._declared.append(session.liveliness().declare_subscriber(token, ask))
+        ask()
+
     def _answer_kept(self, channel: Channel, query: zenoh.Query) -> None:
         with query:
             if (kept := self._kept.get(channel.key)) is not None:
@@ -195,7 +212,9 @@ def open_router(endpoint: str, peers: Sequence[str] = ()) -> Iterator[None]:
     settings.insert_json5("connect/endpoints", json.dumps(list(peers)))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
-    _set_queues(settings)
+    settings.insert_json5(f"{_SHARED_MEMORY}/enabled", "false")  # it passes on what others put there, and puts nothing
+    _set_queues(settings, queues_of_router())
+    os.environ.setdefault("ZENOH_RUNTIME", ROUTER_RUNTIME)  # read by zenoh's first session of a process
     try:
         session = zenoh.open(settings)
     except zenoh.ZError as error:
@@ -239,20 +258,27 @@ def _client_settings(config: BusConfig) -> zenoh.Config:
     settings.insert_json5("connect/timeout_ms", str(int(config.connect_timeout_s * 1000)))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
-    _set_queues(settings)
+    _set_queues(settings, queues_of_client())
     settings.insert_json5("transport/shared_memory/enabled", json.dumps(config.shared_memory_mib > 0))
     if config.shared_memory_mib:
         pool = config.shared_memory_mib * 1024 * 1024
-        settings.insert_json5("transport/shared_memory/transport_optimization/pool_size", str(pool))
+        settings.insert_json5(f"{_SHARED_MEMORY}/pool_size", str(pool))
+        settings.insert_json5(f"{_SHARED_MEMORY}/message_size_threshold", str(BATCH_BYTES))
     if config.namespace:
         settings.insert_json5("namespace", json.dumps(config.namespace))
     return settings
 
 
-def _set_queues(settings: zenoh.Config) -> None:
-    """Room for short stalls on every hop, so that a busy machine does not make LATEST messages drop."""
-    settings.insert_json5("transport/link/tx/queue/size/data", str(_QUEUE_BATCHES))
-    settings.insert_json5("transport/link/tx/queue/congestion_control/drop/wait_before_drop", str(_DROP_AFTER_US))
+def _set_queues(settings: zenoh.Config, queues: dict[str, int]) -> None:
+    for path, value in queues.items():
+        settings.insert_json5(path, str(value))
+
+
+def _priority(channel: Channel) -> zenoh.Priority:
+    """Each kind of message waits in a queue of its own on every link: a scan that finds no room holds up no other."""
+    if channel.delivery is Delivery.EVERY:
+        return zenoh.Priority.INTERACTIVE_HIGH
+    return zenoh.Priority.DATA_LOW if channel.is_large else zenoh.Priority.DATA
 
 
 def _schema(encoding: zenoh.Encoding) -> str | None:

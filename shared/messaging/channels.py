@@ -29,8 +29,8 @@ class Channel:
 
     key: below `hyrecro/`. rate_hz: None = as it happens. is_command: people and programs send it to the robot, also as
     JSON, and a query on it is answered with accepted or the reason of refusal. is_kept: the publisher keeps the last
-    message and answers queries with it, so that a late joiner gets it. topic, ros_type: where it stands in a recording.
-    robot: the namespace of another robot, if it is not our own that speaks.
+    message and answers queries with it, so that a late joiner gets it. is_large: it fills links and queues. topic,
+    ros_type: where it stands in a recording. robot: the namespace of another robot, if it is not our own that speaks.
     """
 
     key: str
@@ -41,6 +41,7 @@ class Channel:
     is_command: bool = False
     is_kept: bool = False
     is_recorded: bool = True
+    is_large: bool = False
     topic: str = ""
     robot: str = ""
 
@@ -163,11 +164,21 @@ STRUCTURE_DESCRIPTION = Channel(
     topic="/world/robot_description",
 )
 LIDAR_POINTS = Channel(
-    key="lidar/points", message=m.LidarScan, delivery=LATEST, ros_type="sensor_msgs/msg/PointCloud2", rate_hz=10.0
+    key="lidar/points",
+    message=m.LidarScan,
+    delivery=LATEST,
+    ros_type="sensor_msgs/msg/PointCloud2",
+    is_large=True,
+    rate_hz=10.0,
 )
 LIDAR_IMU = Channel(key="lidar/imu", message=m.Imu, delivery=LATEST, ros_type="sensor_msgs/msg/Imu", rate_hz=100.0)
 DEPTH_IMAGE = Channel(
-    key="depth/image", message=m.DepthImage, delivery=LATEST, ros_type="sensor_msgs/msg/Image", rate_hz=15.0
+    key="depth/image",
+    message=m.DepthImage,
+    delivery=LATEST,
+    ros_type="sensor_msgs/msg/Image",
+    is_large=True,
+    rate_hz=15.0,
 )
 DEPTH_CAMERA_INFO = Channel(
     key="depth/camera_info",
@@ -182,6 +193,7 @@ DEPTH_POINTS = Channel(
     message=m.PointCloud,
     delivery=LATEST,
     ros_type="sensor_msgs/msg/PointCloud2",
+    is_large=True,
     rate_hz=15.0,
     is_recorded=False,  # made only while someone subscribes: the image says the same in a sixth of the bytes
 )
@@ -205,6 +217,7 @@ MAP_CLOUD = Channel(
     message=m.PointCloud,
     delivery=LATEST,
     ros_type="sensor_msgs/msg/PointCloud2",
+    is_large=True,
     rate_hz=1.0,
     is_kept=True,
 )
@@ -213,6 +226,7 @@ MAP_PLANES = Channel(
     message=m.PlaneMap,
     delivery=LATEST,
     ros_type="hyrecro_msgs/msg/PlaneMap",
+    is_large=True,
     rate_hz=1.0,
     is_kept=True,
 )

@@ -526,7 +526,11 @@ class Event(Measurement):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChannelCount(Message):
-    """What one service did with one key: messages sent, received, missed on the way, dropped by itself, refused."""
+    """What one service did with one key: messages sent, received, missed on the way, dropped by itself, refused.
+
+    num_bytes_sent: of those sent. num_waiting: in its inbox now. wait_median_s, wait_max_s: how long those taken since
+    the last heartbeat had waited there; None where none was taken.
+    """
 
     key: str
     num_sent: int = 0
@@ -535,17 +539,31 @@ class ChannelCount(Message):
     num_dropped: int = 0
     num_refused: int = 0
     last_seq: int | None = None
+    num_bytes_sent: int = 0
+    num_waiting: int = 0
+    wait_median_s: float | None = None
+    wait_max_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Health(Measurement):
-    """A service's heartbeat. busy_ratio: share of wall time spent working since the last one."""
+    """A service's heartbeat, with shares of wall time since the last one.
+
+    busy_ratio: its loop worked. cpu_ratio: of one core, by all its threads. shared_memory_bytes: what it has in use of
+    memory it shares with others, such as the bus's; part of rss_bytes.
+    """
+
+    VERSION: ClassVar[int] = 2
 
     service: str
     uptime_s: float
     rss_bytes: int
     busy_ratio: float
     channels: tuple[ChannelCount, ...]
+    cpu_ratio: float = 0.0
+    num_open_files: int = 0
+    num_threads: int = 0
+    shared_memory_bytes: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

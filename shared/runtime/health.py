@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -11,13 +12,18 @@ from shared.messaging.sequence import SequenceCounter
 
 @dataclass(slots=True)
 class KeyTraffic:
-    """Counters of one key. `sources` follows each publisher's `seq`: many may share a key such as `events`."""
+    """Counters of one key. `sources` follows each publisher's `seq`: many may share a key such as `events`.
+
+    waits_s: how long each message taken since the last snapshot had waited.
+    """
 
     num_sent: int = 0
+    num_bytes_sent: int = 0
     num_received: int = 0
     num_refused: int = 0
     last_seq: int | None = None
     sources: dict[str, SequenceCounter] = field(default_factory=dict)
+    waits_s: list[float] = field(default_factory=list)
 
 
 class Traffic:
@@ -27,10 +33,11 @@ class Traffic:
         self.stamp_ns = 0
         self._keys: dict[str, KeyTraffic] = {}
 
-    def sent(self, key: str, *, seq: int | None, stamp_ns: int | None) -> None:
+    def sent(self, key: str, *, seq: int | None, stamp_ns: int | None, num_bytes: int = 0) -> None:
         """Notes a published message; commands have neither number nor stamp."""
         traffic = self._of(key)
         traffic.num_sent += 1
+        traffic.num_bytes_sent += num_bytes
         traffic.last_seq = seq
         self.stamp_ns = self.stamp_ns if stamp_ns is None else stamp_ns
 
@@ -42,6 +49,10 @@ class Traffic:
             traffic.last_seq = message.seq
             self.stamp_ns = message.stamp_ns if tells_time else self.stamp_ns
             traffic.sources.setdefault(source_of(message), SequenceCounter()).add(message.seq)
+
+    def waited(self, key: str, wait_s: float) -> None:
+        """Notes how long a message lay in the inbox."""
+        self._of(key).waits_s.append(wait_s)
 
     def refused(self, key: str) -> None:
         """Notes bytes that were no message, or a command that was refused."""
@@ -55,27 +66,40 @@ class Traffic:
         counter = traffic.sources.get(source_of(message))
         return counter is not None and counter.last_seq is not None and message.seq <= counter.last_seq
 
-    def snapshot(self, num_dropped: Mapping[str, int], num_lost: Mapping[str, int]) -> tuple[ChannelCount, ...]:
-        """The counters by key.
+    def snapshot(
+        self, num_dropped: Mapping[str, int], num_lost: Mapping[str, int], num_waiting: Mapping[str, int]
+    ) -> tuple[ChannelCount, ...]:
+        """The counters by key; what messages waited begins anew.
 
         num_dropped: what the inbox had to drop, which is taken off the missed ones. num_lost: what was received and
-        lost then, which counts as dropped too.
+        lost then, which counts as dropped too. num_waiting: what lies in the inbox.
         """
+        for key in (*num_dropped, *num_waiting):
+            self._of(key)
         return tuple(
-            ChannelCount(
-                key=key,
-                num_sent=traffic.num_sent,
-                num_received=traffic.num_received,
-                num_missed=max(0, sum(c.num_missed for c in traffic.sources.values()) - num_dropped.get(key, 0)),
-                num_dropped=num_dropped.get(key, 0) + num_lost.get(key, 0),
-                num_refused=traffic.num_refused,
-                last_seq=traffic.last_seq,
-            )
-            for key, traffic in sorted({**{key: KeyTraffic() for key in num_dropped}, **self._keys}.items())
+            _count(key, traffic, num_dropped.get(key, 0), num_lost.get(key, 0), num_waiting.get(key, 0))
+            for key, traffic in sorted(self._keys.items())
         )
 
     def _of(self, key: str) -> KeyTraffic:
         return self._keys.setdefault(key, KeyTraffic())
+
+
+def _count(key: str, traffic: KeyTraffic, num_dropped: int, num_lost: int, num_waiting: int) -> ChannelCount:
+    waits_s, traffic.waits_s = traffic.waits_s, []
+    return ChannelCount(
+        key=key,
+        num_sent=traffic.num_sent,
+        num_bytes_sent=traffic.num_bytes_sent,
+        num_received=traffic.num_received,
+        num_missed=max(0, sum(source.num_missed for source in traffic.sources.values()) - num_dropped),
+        num_dropped=num_dropped + num_lost,
+        num_refused=traffic.num_refused,
+        last_seq=traffic.last_seq,
+        num_waiting=num_waiting,
+        wait_median_s=statistics.median(waits_s) if waits_s else None,
+        wait_max_s=max(waits_s, default=None),
+    )
 
 
 def source_of(message: Measurement) -> str:

@@ -13,7 +13,6 @@ from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 
-import psutil
 import structlog
 
 from shared.errors import (
@@ -36,6 +35,7 @@ from shared.runtime.exit_codes import Exit
 from shared.runtime.health import Traffic
 from shared.runtime.logs import configure_logs
 from shared.runtime.node import Addressed, Context, Messages, Node
+from shared.runtime.process_load import ProcessLoad
 
 log = structlog.get_logger()
 
@@ -147,7 +147,7 @@ class ServiceLoop:
         self._traffic = Traffic()
         self._routes: dict[type[Message], Channel] = {channel.message: channel for channel in node.outputs}
         self._routes |= {Event: EVENTS, Health: HEALTH.of(node.name)}
-        self._process = psutil.Process()
+        self._process = ProcessLoad()
         self._started_s = self._last_health_s = time.monotonic()
         self._busy_s = 0.0
         self._num_events = self._num_healths = 0
@@ -199,6 +199,7 @@ class ServiceLoop:
     def _handle(self, parcel: Parcel) -> None:
         channel, key = parcel.channel, parcel.key
         self._context.received_ns = parcel.received_ns
+        self._traffic.waited(key, (self._context.clock_ns() - parcel.received_ns) * 1e-9)
         try:
             if channel.is_command:
                 message: Message = decode_command(channel.message, parcel.payload)
@@ -235,9 +236,9 @@ class ServiceLoop:
     def _send(self, messages: Messages) -> None:
         for said in messages:
             channel, message = self._addressed(said)
-            self._bus.publish(channel, message)
+            num_bytes = self._bus.publish(channel, message)
             seq, stamp_ns = (message.seq, message.stamp_ns) if isinstance(message, Measurement) else (None, None)
-            self._traffic.sent(channel.key_expr, seq=seq, stamp_ns=stamp_ns)
+            self._traffic.sent(channel.key_expr, seq=seq, stamp_ns=stamp_ns, num_bytes=num_bytes)
 
     def _addressed(self, said: Message | Addressed) -> tuple[Channel, Message]:
         if isinstance(said, Addressed):
@@ -254,15 +255,20 @@ class ServiceLoop:
         channel, seq, stamp_ns = HEALTH.of(self._node.name), self._num_healths, self._traffic.stamp_ns
         self._num_healths += 1
         self._traffic.sent(channel.key_expr, seq=seq, stamp_ns=None)  # it counts itself, so that the last one is exact
+        inbox, load = self._inbox, self._process.look()
         health = Health(
             stamp_ns=stamp_ns,
             seq=seq,
             frame="",
             service=self._node.name,
             uptime_s=now_s - self._started_s,
-            rss_bytes=self._process.memory_info().rss,
+            rss_bytes=load.rss_bytes,
             busy_ratio=min(1.0, self._busy_s / elapsed_s),
-            channels=self._traffic.snapshot(dict(self._inbox.num_dropped), self._node.num_lost()),
+            channels=self._traffic.snapshot(dict(inbox.num_dropped), self._node.num_lost(), inbox.num_waiting()),
+            cpu_ratio=load.cpu_ratio,
+            num_open_files=load.num_open_files,
+            num_threads=load.num_threads,
+            shared_memory_bytes=load.shared_memory_bytes,
         )
         self._bus.publish(channel, health)
         self._last_health_s, self._busy_s = now_s, 0.0

@@ -9,6 +9,7 @@ from ruamel.yaml import YAML
 
 from cli.pipeline import services_of
 from shared.messaging import bus
+from shared.messaging.queues import ROUTER_RUNTIME, queues_of_router
 from shared.runtime.config_loading import load_config
 from tests.support.processes import ROOT
 
@@ -53,10 +54,12 @@ def test_the_routers_file_sets_what_the_embedded_router_sets():
     queue = "transport/link/tx/queue"
     router = zenoh.Config.from_file(ROOT / "configs" / "zenoh" / "router.json5")
     embedded = zenoh.Config()
-    bus._set_queues(embedded)
+    bus._set_queues(embedded, queues_of_router())
     assert router.get_json(queue) == embedded.get_json(queue)
+    assert router.get_json("transport/shared_memory/transport_optimization/enabled") == "false"
     assert router.get_json("scouting/multicast/enabled") == "false"
     assert router.get_json("mode") == '"router"'
+    assert COMPOSE["services"]["router"]["environment"] == {"ZENOH_RUNTIME": ROUTER_RUNTIME}
 
 
 def test_over_several_hosts_each_service_is_on_one_of_them():

@@ -222,11 +222,11 @@ def _structure(ros_message: Any, seq: int) -> m.StructureDescription:
 def _health(ros_message: Any, seq: int) -> m.Health:
     (status,) = ros_message.status
     values = {pair.key: pair.value for pair in status.values}
-    counts: dict[str, dict[str, int]] = {}
+    counts: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         key, _, counter = name.rpartition(" ")
         if key:
-            counts.setdefault(key, {})[counter] = int(value)
+            counts.setdefault(key, {})[counter] = float(value) if counter.endswith("_s") else int(value)
     return m.Health(
         stamp_ns=stamp_ns_of(ros_message.header.stamp),
         seq=seq,
@@ -236,6 +236,8 @@ def _health(ros_message: Any, seq: int) -> m.Health:
         rss_bytes=int(values["rss_bytes"]),
         busy_ratio=float(values["busy_ratio"]),
         channels=tuple(m.ChannelCount(key=key, **counters) for key, counters in counts.items()),
+        cpu_ratio=float(values.get("cpu_ratio", 0.0)),  # recordings of before have none of these
+        **{name: int(values.get(name, 0)) for name in ("num_open_files", "num_threads", "shared_memory_bytes")},
     )
 
 
