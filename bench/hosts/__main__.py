@@ -1,7 +1,6 @@
 """`python -m bench.hosts`: a robot's host and a base, a router on each, over a link that delays, loses and is cut.
 
-On the robot's host: simulation, LiDAR, mapper, planner. On the base: recorder, evaluator, an operator who commands.
-Each case is a recording of its own, whose counts say what was published, came, and was lost. Needs root.
+What a robot says (`bench.hosts.talker`) is heard on both hosts. Needs root, iproute2 and /dev/net/tun.
 """
 
 from __future__ import annotations
@@ -9,171 +8,122 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import statistics
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any, cast
 
-from mcap.reader import make_reader
-
 from bench.hosts.network import ADDRESSES, Network, network, on_host
 from bench.hosts.wire import Quality
-from shared.runtime.exit_codes import Exit
 
-PORT = 7447
-SERVICES = {"base": ("recorder", "evaluator"), "robot": ("mapper", "planner", "sensors", "sim")}
-SETTINGS = ("recorder.starts=false", "sensors.depth.enabled=false")
-KEYS = ("joints/state", "tf", "leg/state", "lidar/points", "map/odometry", "map/status")
-CUT_S, AFTER_CUT_S = 10.0, 20.0
-
-
-class Probe:
-    """A `bench.hosts.probe` on one host."""
-
-    def __init__(self, process: subprocess.Popen[str]) -> None:
-        self._process = process
-        cast(IO[str], process.stdout).readline()
-
-    def report(self) -> dict[str, Any]:
-        """What came since the last report."""
-        commands = cast(IO[str], self._process.stdin)
-        commands.write("\n")
-        commands.flush()
-        report: dict[str, Any] = json.loads(cast(IO[str], self._process.stdout).readline())
-        return report
+HEAD = "| loss | delay | Mbit/s | heard on | clock | leg/state | lidar/points |\n|---|---|---|---|---|---|---|"
+KEYS = ("clock", "leg/state", "lidar/points")
+ENDPOINTS = {host: f"tcp/{address}:7447" for host, address in ADDRESSES.items()}
+SETTLE_S, CUT_S = 1.5, 10.0
 
 
 class Hosts:
-    """Both hosts with everything running."""
+    """Routers on both hosts, who speaks on the robot, who listens on both."""
 
-    def __init__(self, wire: Network, stack: contextlib.ExitStack, folder: Path) -> None:
-        self.wire, self._stack, self.folder = wire, stack, folder
-        self._start("robot", "cli.main", "router", "--endpoint", _endpoint("robot"))
-        self._start("base", "cli.main", "router", "--endpoint", _endpoint("base"), "--connect", _endpoint("robot"))
-        settings = [*SETTINGS, f"recorder.directory={folder}"]
-        for host, services in SERVICES.items():
-            for service in services:
-                arguments = [f"services.{service}", "--set", f"bus.endpoint={_endpoint(host)}"]
-                self._start(host, *arguments, *(part for setting in settings for part in ("--set", setting)))
-        self.probes = {
-            host: Probe(self._start(host, "bench.hosts.probe", "--endpoint", _endpoint(host), *more))
-            for host, more in (("robot", ()), ("base", ("--commands",)))
+    def __init__(self, wire: Network, stack: contextlib.ExitStack, router_options: str) -> None:
+        self.wire, self._stack = wire, stack
+        robot, base = ENDPOINTS["robot"] + router_options, ENDPOINTS["base"]
+        self._start("robot", "cli.main", "router", "--endpoint", robot)
+        self._start("base", "cli.main", "router", "--endpoint", base, "--connect", robot)
+        self._start("robot", "bench.hosts.talker", "speak", ENDPOINTS["robot"])
+        self._listeners = {
+            host: self._start(host, "bench.hosts.talker", "listen", endpoint) for host, endpoint in ENDPOINTS.items()
         }
+        for listener in self._listeners.values():
+            cast(IO[str], listener.stdout).readline()
 
-    def record(self, *arguments: str) -> None:
-        """`hyrecro record ...` on the base; 3 of a stop says that the recording lacks something."""
-        command = ["-m", "cli.main", "record", *arguments, "--set", f"bus.endpoint={_endpoint('base')}"]
-        done = subprocess.run(on_host("base", sys.executable, *command), stdout=subprocess.DEVNULL, check=False)  # noqa: S603
-        if done.returncode not in (Exit.FINE, Exit.PARTIAL):
-            raise SystemExit(f"hyrecro record {arguments[0]} ended with {done.returncode}")
+    def heard(self) -> dict[str, Any]:
+        """By host and key, what came since the last call."""
+        heard = {}
+        for host, listener in self._listeners.items():
+            commands = cast(IO[str], listener.stdin)
+            commands.write("\n")
+            commands.flush()
+            heard[host] = json.loads(cast(IO[str], listener.stdout).readline())
+        return heard
 
     def _start(self, host: str, *module: str) -> subprocess.Popen[str]:
-        log = self._stack.enter_context((self.folder / f"{host}_{module[0]}.log").open("w"))
         process = subprocess.Popen(  # noqa: S603 - our own modules
-            on_host(host, sys.executable, "-m", *module),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=log,
-            text=True,
+            on_host(host, sys.executable, "-m", *module), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
         self._stack.callback(_end, process)
         return process
 
 
-@contextlib.contextmanager
-def hosts() -> Iterator[Hosts]:
-    """Starts everything, and ends it."""
-    with tempfile.TemporaryDirectory() as folder, network() as wire, contextlib.ExitStack() as stack:
-        running = Hosts(wire, stack, Path(folder))
-        time.sleep(5.0)  # mapper and evaluator have begun, the first scans were taken
-        yield running
-
-
-def case(running: Hosts, name: str, quality: Quality, seconds: float, cut_s: float = 0.0) -> dict[str, Any]:
-    """Records for so long over a link of this quality, which is cut after a third of it if `cut_s` says so."""
-    print(f"{name} ...", file=sys.stderr)
-    running.wire.set_quality(quality)
-    time.sleep(2.0)
-    running.record("start", "--run", name)
-    running.wire.set_quality(quality)
-    for probe in running.probes.values():
-        probe.report()
+def case(hosts: Hosts, quality: Quality, seconds: float, cut_s: float = 0.0) -> dict[str, Any]:
+    """What is heard in so many seconds; with a cut, from `SETTLE_S` before it until so many seconds after."""
+    hosts.wire.set_quality(quality)
+    time.sleep(SETTLE_S)
+    hosts.heard()
+    hosts.wire.set_quality(quality)
     began_s = time.monotonic()
     if cut_s:
-        time.sleep(seconds / 3)
-        running.wire.set_quality(Quality(quality.loss, quality.delay_s, is_cut=True))
+        time.sleep(SETTLE_S)
+        hosts.wire.set_quality(Quality(quality.loss, quality.delay_s, is_cut=True))
         time.sleep(cut_s)
-        running.wire.set_quality(quality)
-        time.sleep(seconds * 2 / 3)
-    else:
-        time.sleep(seconds)
-    elapsed_s = time.monotonic() - began_s
-    carried = running.wire.set_quality(quality)
-    reports = {host: probe.report() for host, probe in running.probes.items()}
-    running.wire.set_quality(Quality())
-    time.sleep(1.0)
-    running.record("stop")
-    answers_ms = reports["base"]["answers_ms"]
+        hosts.wire.set_quality(quality)
+    time.sleep(seconds)
+    carried = hosts.wire.set_quality(quality)
+    mbit_per_s = round(carried.get("num_bytes", 0) * 8e-6 / (time.monotonic() - began_s), 2)
     return {
-        "name": name,
         "loss": quality.loss,
-        "delay_ms": 1e3 * quality.delay_s,
+        "delay_s": quality.delay_s,
         "cut_s": cut_s,
-        "seconds": round(elapsed_s, 1),
-        "mbit_per_s": round(carried.get("num_bytes", 0) * 8e-6 / elapsed_s, 2),
-        "packets_lost": carried.get("num_lost", 0),
-        "counts": _counts(running.folder / name / "run.mcap"),
-        "robot": {key: reports["robot"][key] for key in ("num_received", "longest_gap_s")},
-        "base": {key: reports["base"][key] for key in ("num_received", "longest_gap_s", "num_unanswered")},
-        "answer_ms": round(statistics.median(answers_ms), 1) if answers_ms else None,
-        "slowest_answer_ms": max(answers_ms, default=None),
-        "num_answers": len(answers_ms),
+        "mbit_per_s": mbit_per_s,
+        **hosts.heard(),
     }
 
 
-def _counts(path: Path) -> dict[str, dict[str, int]]:
-    with path.open("rb") as file:
-        counts = next(
-            record.metadata for record in make_reader(file).iter_metadata() if record.name == "hyrecro_counts"
-        )
-    return {key: json.loads(counts[f"/{key}"]) for key in KEYS if f"/{key}" in counts}
+def table(cases: list[dict[str, Any]]) -> str:
+    """Markdown: a line for each case and host."""
+    lines = [HEAD]
+    for each in cases:
+        cut = f", cut {each['cut_s']:g} s" if each["cut_s"] else ""
+        for host in ADDRESSES:
+            heard = " | ".join(_cell(each[host].get(key)) for key in KEYS)
+            delay = f"{1e3 * each['delay_s']:g} ms{cut}"
+            lines.append(f"| {each['loss']:.0%} | {delay} | {each['mbit_per_s']} | {host} | {heard} |")
+    return "\n".join(lines)
 
 
-def _endpoint(host: str) -> str:
-    return f"tcp/{ADDRESSES[host]}:{PORT}"
+def _cell(heard: dict[str, float] | None) -> str:
+    if heard is None:
+        return "nothing"
+    times = f"{heard['late_p50_ms']:g} ms, {heard['late_max_ms']:g} ms, {heard['longest_gap_s']:g} s"
+    return f"{heard['num_received']:g} of {heard['num_sent']:g}; {times}"
 
 
 def _end(process: subprocess.Popen[str]) -> None:
     process.terminate()
-    try:
-        process.wait(10.0)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
+    process.wait(10.0)
 
 
 def main() -> None:
-    """Runs the cases that are asked for and puts them into a JSON file."""
+    """Runs the cases that are asked for, adds them to a JSON file, and prints them as a table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs/benchmarks/hosts.json"))
-    parser.add_argument("--seconds", type=float, default=15.0, help="of each case")
+    parser.add_argument("--seconds", type=float, default=5.0, help="of each case")
     parser.add_argument("--loss-percent", type=float, nargs="*", default=[0, 1, 5])
     parser.add_argument("--delay-ms", type=float, nargs="*", default=[0, 20, 100])
-    parser.add_argument("--cut", action="store_true", help="also with a cut of 10 s")
+    parser.add_argument("--cut", action="store_true", help="also a cut of 10 s")
+    parser.add_argument("--router-options", default="", help="behind the robot's endpoint, such as '#so_sndbuf=131072'")
     arguments = parser.parse_args()
-    results = json.loads(arguments.out.read_text()) if arguments.out.exists() else {}
-    with hosts() as running:
+    cases = []
+    with network() as wire, contextlib.ExitStack() as stack:
+        hosts = Hosts(wire, stack, arguments.router_options)
         for loss in arguments.loss_percent:
             for delay in arguments.delay_ms:
-                name = f"loss_{loss:g}_delay_{delay:g}"
-                results[name] = case(running, name, Quality(loss / 100, delay / 1e3), arguments.seconds)
+                cases.append(case(hosts, Quality(loss / 100, delay / 1e3), arguments.seconds))
         if arguments.cut:
-            results["cut"] = case(running, "cut", Quality(0.0, 0.02), 1.5 * AFTER_CUT_S, CUT_S)
-    arguments.out.write_text(json.dumps(results, indent=1) + "\n")
+            cases.append(case(hosts, Quality(0.0, 0.02), arguments.seconds, CUT_S))
+    arguments.out.write_text(json.dumps(cases, indent=1) + "\n")
+    print(table(cases))
 
 
 if __name__ == "__main__":
