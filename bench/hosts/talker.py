@@ -30,8 +30,15 @@ def speak(bus: Bus) -> None:
     """Publishes without end. Stamps are of the monotonic clock, which all hosts of this machine share."""
     identity = np.array([0, 0, 0, 0, 0, 0, 1.0])
     leg = LegState(stamp_ns=0, seq=0, frame="world", fixed_foot=Foot.A, T_world_foot=identity)
-    zeros, points_m = np.zeros(NUM_POINTS), np.random.default_rng(0).random((NUM_POINTS, 3), dtype=np.float32)
-    scan = LidarScan(stamp_ns=0, seq=0, frame="lidar", points_m=points_m, intensity=zeros, t_ns=zeros, ring=zeros)
+    scan = LidarScan(
+        stamp_ns=0,
+        seq=0,
+        frame="lidar",
+        points_m=np.random.default_rng(0).random((NUM_POINTS, 3), dtype=np.float32),
+        intensity=np.zeros(NUM_POINTS, dtype=np.float32),
+        t_ns=np.zeros(NUM_POINTS, dtype=np.uint32),
+        ring=np.zeros(NUM_POINTS, dtype=np.uint16),
+    )
     for channel in CHANNELS:
         bus.advertise(channel)
     number = 0
