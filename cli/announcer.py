@@ -57,7 +57,7 @@ class Announcer:
 
     def _run(self) -> None:
         try:
-            with Bus(self._config, is_stopping=self._is_closing.is_set) as bus:
+            with Bus(self._config, name=NAME, is_stopping=self._is_closing.is_set) as bus:
                 node = Node(
                     name=NAME,
                     inputs={LEG_STATE: self._note_time},

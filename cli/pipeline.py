@@ -10,7 +10,7 @@ from types import TracebackType
 
 from cli.announcer import Announcer
 from shared.errors import HyrecroError
-from shared.messaging.bus import is_reachable
+from shared.messaging.bus import Bus, is_reachable
 from shared.messaging.messages import Severity
 from shared.runtime.config import Config
 from shared.runtime.exit_codes import Exit
@@ -41,19 +41,22 @@ class Pipeline:
     """The running processes. `arguments` (--config, --set ...) led to `config`; they go to every service.
 
     One thread starts them, watches them and stops them: children end with the thread that started them.
-    logs_dir: a file per process; None = they write to this process's stderr.
+    logs_dir: a file per process; None = they write to this process's stderr. is_joining: the router runs already.
     """
 
-    def __init__(self, config: Config, arguments: list[str], *, logs_dir: Path | None = None) -> None:
-        self._endpoint, self._logs_dir = config.bus.endpoint, logs_dir
+    def __init__(
+        self, config: Config, arguments: list[str], *, logs_dir: Path | None = None, is_joining: bool = False
+    ) -> None:
+        self._bus_config, self._logs_dir, self._is_joining = config.bus, logs_dir, is_joining
         self._children: list[Supervised] = []
         self._clock = PatientClock()
         services = services_of(config)
+        self._names = {name for group in services for name in group}
+        router = () if is_joining else ({"router": ["cli.main", "router"]},)
         self._groups = [
-            {"router": ["cli.main", "router", *arguments]},
-            *({name: [*command, *arguments] for name, command in group.items()} for group in services),
+            {name: [*command, *arguments] for name, command in group.items()} for group in (*router, *services)
         ]
-        self._announcer = Announcer(config.bus, [name for group in services for name in group])
+        self._announcer = Announcer(config.bus, self._names)
         self._is_up, self._is_stopping = threading.Event(), threading.Event()
         self._pool = ThreadPoolExecutor(1, "supervisor")
         self._supervision: Future[None] | None = None
@@ -64,15 +67,26 @@ class Pipeline:
         on_ready: called on another thread.
 
         Raises:
-            PipelineError: the endpoint is taken, or a service was given up.
+            PipelineError: the endpoint is taken, the robot runs already, or a service was given up.
+            BusError: there is no router to join.
         """
-        if self._endpoint.startswith(("tcp/", "tls/")) and is_reachable(self._endpoint):
-            raise PipelineError(
-                f"{self._endpoint} is taken: is another pipeline running? Set bus.endpoint to use another"
-            )
+        self._check_bus(is_stopping)
         self._supervision = self._pool.submit(self._supervise, on_ready)
         while not (self._is_up.wait(POLL_S) or is_stopping()):
             self.check()
+
+    def _check_bus(self, is_stopping: Callable[[], bool]) -> None:
+        endpoint = self._bus_config.endpoint
+        if not self._is_joining:
+            if endpoint.startswith(("tcp/", "tls/")) and is_reachable(endpoint):
+                raise PipelineError(
+                    f"{endpoint} is taken: is another pipeline running? Set bus.endpoint to use another, or give --join"
+                )
+            return
+        with Bus(self._bus_config, is_stopping=is_stopping) as bus:
+            if running := bus.alive() & self._names:
+                robot = self._bus_config.namespace or "a robot without bus.namespace"
+                raise PipelineError(f"{robot} runs already: {', '.join(sorted(running))}. Set another bus.namespace")
 
     def has_failed(self) -> bool:
         """Whether a service was given up; all are stopped then."""

@@ -14,6 +14,11 @@ from cli.options import DEFAULT_CONFIG, ConfigOption, JsonOption, SetOption, res
 
 EndpointOption = Annotated[str | None, typer.Option(help="Where to listen; default bus.endpoint.")]
 
+PeersOption = Annotated[
+    list[str] | None,
+    typer.Option("--connect", metavar="ENDPOINT", help="Another host's router, also if it runs later."),
+]
+
 
 def register(app: typer.Typer) -> None:
     """Adds the commands to the top of the command tree."""
@@ -23,6 +28,7 @@ def register(app: typer.Typer) -> None:
 
 def up(
     has_page: Annotated[bool, typer.Option("--teleop", help="With the page in a browser.")] = False,
+    is_joining: Annotated[bool, typer.Option("--join", help="Another robot, on the router that runs.")] = False,
     config: ConfigOption = DEFAULT_CONFIG,
     set_: SetOption = None,
 ) -> None:
@@ -35,18 +41,22 @@ def up(
 
     set_ = [*(set_ or []), *(["teleop.enabled=true"] if has_page else [])]
     settings = resolved(config, set_)
-    name = run_name(settings.recorder)
+    name = run_name(settings.recorder, settings.bus.namespace)
     stop = StopSignal()
     configure_logs(verbosity=-1)
     with contextlib.ExitStack() as stack:
         state = stack.enter_context(state_folder(settings.state_directory))
         arguments = service_arguments(config, [*set_, f"recorder.run={name}", f"state_directory={state}"])
-        pipeline = stack.enter_context(Pipeline(settings, arguments))
+        pipeline = stack.enter_context(Pipeline(settings, arguments, is_joining=is_joining))
         pipeline.start(stop.is_set)
         folder = run_folder(settings.recorder, name)
         if not stop.is_set():
             page = f", page at {settings.teleop.url}" if settings.teleop.enabled else ""
-            print(f"up at {settings.bus.endpoint}, recording {folder}/run.mcap{page}; Ctrl-C stops", file=sys.stderr)
+            robot = f"{settings.bus.namespace} " if settings.bus.namespace else ""
+            print(
+                f"{robot}up at {settings.bus.endpoint}, recording {folder}/run.mcap{page}; Ctrl-C stops",
+                file=sys.stderr,
+            )
         while not stop.is_set():
             pipeline.check()
             time.sleep(0.1)
@@ -96,7 +106,12 @@ def simulate(
     typer.echo(f"{num_scans} scans in {out}")
 
 
-def router(endpoint: EndpointOption = None, config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None) -> None:
+def router(
+    endpoint: EndpointOption = None,
+    peers: PeersOption = None,
+    config: ConfigOption = DEFAULT_CONFIG,
+    set_: SetOption = None,
+) -> None:
     """Runs a Zenoh router, on loopback unless told otherwise."""
     from shared.messaging.bus import open_router
     from shared.runtime.notify import Pulse
@@ -105,8 +120,9 @@ def router(endpoint: EndpointOption = None, config: ConfigOption = DEFAULT_CONFI
     bus = resolved(config, set_).bus
     endpoint = endpoint or bus.endpoint
     stop, pulse = StopSignal(), Pulse.from_environment()
-    with open_router(endpoint, bus.credentials):
-        print(f"router listens at {endpoint}", file=sys.stderr)
+    with open_router(endpoint, credentials=bus.credentials, peers=peers or []):
+        joined = f", joins {', '.join(peers)}" if peers else ""
+        print(f"router listens at {endpoint}{joined}", file=sys.stderr)
         pulse.ready()
         while not stop.is_set():
             pulse.beat()

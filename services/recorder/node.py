@@ -21,7 +21,7 @@ def build_node(config: Config, _context: Context) -> Node:
     channels = channels_of(config.sensors.others)
     for channel in channels:
         prepare(channel.ros_type)  # before anything waits in the inbox
-    recorder = Recorder(config.recorder, metadata, channels)
+    recorder = Recorder(config.recorder, metadata, channels, config.bus.namespace)
     inputs: Mapping[Channel, Callable[[Any], Messages]] = {
         channel: partial(recorder.add, channel) for channel in channels if channel.is_recorded
     }

@@ -43,16 +43,20 @@ class Recorder:
     and what a service says that has seen no time yet. Before any time is known such messages wait, up to a thousand of
     them, or a recording of a real sensor, whose time is that of day, would begin in 1970.
 
-    metadata: text kept at the head of each file. channels: the table, with those of further sensors.
+    metadata: text kept at the head of each file. channels: the table, with those of further sensors. robot: namespace.
 
     Raises:
         ConfigError: `config.channels` has a pattern that no key matches.
     """
 
     def __init__(
-        self, config: RecorderConfig, metadata: Mapping[str, str], channels: Iterable[Channel] = CHANNELS
+        self,
+        config: RecorderConfig,
+        metadata: Mapping[str, str],
+        channels: Iterable[Channel] = CHANNELS,
+        robot: str = "",
     ) -> None:
-        self._config, self._metadata = config, metadata
+        self._config, self._metadata, self._robot = config, metadata, robot
         self._channels = tuple(channels)
         if (problem := problem_with(config.channels, self._channels)) is not None:
             raise ConfigError([f"recorder.{problem}"])
@@ -82,7 +86,7 @@ class Recorder:
         if restored is not None and restored.run:
             self._begin(restored.run, restored.channels, is_going_on=True)
         elif restored is None and self._config.starts:
-            self._begin(self._config.run or new_run_name(self._config), self._config.channels)
+            self._begin(self._config.run or new_run_name(self._config, self._robot), self._config.channels)
         return [self._status()]
 
     def snapshot(self) -> RecorderState:
@@ -150,7 +154,9 @@ class Recorder:
         if control.run and not _RUN_NAME.fullmatch(control.run):
             raise RefusedError(f"run is '{control.run[:40]}', must be of letters, digits and _ . : -")
         try:
-            self._begin(control.run or new_run_name(self._config), control.channels or self._config.channels)
+            self._begin(
+                control.run or new_run_name(self._config, self._robot), control.channels or self._config.channels
+            )
         except (RecordingError, InputFileError) as error:
             raise RefusedError(str(error)) from error
         return [self._status()]

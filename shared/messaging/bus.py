@@ -7,7 +7,7 @@ import json
 import os
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -49,7 +49,8 @@ class Bus:
         except zenoh.ZError as error:
             reason = error if config.credentials is None else WHY_REFUSED
             raise BusError(f"cannot open a session on {config.endpoint}: {reason}") from error
-        self._is_secure = config.credentials is not None
+        self._config, self._name = config, name
+        self._open_session: zenoh.Session | None = None
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._kept: dict[str, tuple[bytes, str]] = {}
         self._declared: list[Any] = []
@@ -97,7 +98,8 @@ class Bus:
         def on_sample(sample: zenoh.Sample) -> None:
             inbox.put(_parcel(channel, str(sample.key_expr), sample.payload, sample.encoding))
 
-        self._declared.append(self._session.declare_subscriber(channel.key_expr, on_sample))
+        session = self._session_for(channel)
+        self._declared.append(session.declare_subscriber(channel.key_expr, on_sample))
         if channel.is_command:
             self._declared.append(
                 self._session.declare_queryable(
@@ -106,11 +108,10 @@ class Bus:
                 )
             )
         if channel.is_kept:
+            token = channel.key_expr.replace(PREFIX, PUBLISHED.removesuffix("**"))
             self._declared.append(
-                self._session.liveliness().declare_subscriber(
-                    PUBLISHED.replace("**", channel.key),
-                    lambda token: self._ask_kept(channel, token, inbox),
-                    history=True,
+                session.liveliness().declare_subscriber(
+                    token, lambda seen: self._ask_kept(channel, seen, inbox), history=True
                 )
             )
 
@@ -145,7 +146,7 @@ class Bus:
             if (refusal := reply.err) is not None:
                 raise RefusedError(refusal.payload.to_string())
             return
-        hint = " Or may this credential not command?" if self._is_secure else ""
+        hint = " Or may this credential not command?" if self._config.credentials is not None else ""
         raise BusError(f"nobody answers on {channel.key_expr}: is the simulation running?{hint}")
 
     def alive(self, timeout_s: float = _QUERY_TIMEOUT_S) -> set[str]:
@@ -163,14 +164,25 @@ class Bus:
                 declared.undeclare()
         self._declared.clear()
         self._publishers.clear()
-        if not self._session.is_closed():
-            self._session.close()  # type: ignore[no-untyped-call]
+        for session in (self._session, self._open_session):
+            if session is not None and not session.is_closed():
+                session.close()  # type: ignore[no-untyped-call]
 
     def __enter__(self) -> Bus:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _session_for(self, channel: Channel) -> zenoh.Session:
+        """Our own, or for another robot's channels one without namespace: a namespace hears nothing from outside."""
+        if not (channel.robot and self._config.namespace):
+            return self._session
+        if self._open_session is None:
+            self._open_session = zenoh.open(
+                _client_settings(self._config.model_copy(update={"namespace": ""}), self._name)
+            )
+        return self._open_session
 
     def _hold(self, token: str) -> None:
         self._declared.append(self._session.liveliness().declare_token(token))
@@ -187,9 +199,10 @@ class Bus:
                 inbox.put(_parcel(channel, key, sample.payload, sample.encoding, is_replay=True))
 
         if token.kind == zenoh.SampleKind.PUT:
-            key = str(token.key_expr).partition(PUBLISHED.removesuffix("**"))[2]
+            key = str(token.key_expr).replace(PUBLISHED.removesuffix("**"), PREFIX)
             with contextlib.suppress(zenoh.ZError):  # the session is being closed
-                self._session.get(PREFIX + key, on_reply, priority=_priority(channel), timeout=_QUERY_TIMEOUT_S)
+                session = self._session_for(channel)
+                session.get(key, on_reply, priority=_priority(channel), timeout=_QUERY_TIMEOUT_S)
 
     def _answer_kept(self, channel: Channel, query: zenoh.Query) -> None:
         with query:
@@ -198,9 +211,10 @@ class Bus:
 
 
 @contextlib.contextmanager
-def open_router(endpoint: str, credentials: Path | None = None) -> Iterator[None]:
+def open_router(endpoint: str, *, credentials: Path | None = None, peers: Sequence[str] = ()) -> Iterator[None]:
     """A Zenoh router inside this process, listening on `endpoint` alone.
 
+    peers: endpoints of other hosts' routers, which it joins as soon as they run, and again after each cut.
     credentials: the folder of `hyrecro certs new`, for a router that asks everyone who they are.
 
     Raises:
@@ -211,6 +225,7 @@ def open_router(endpoint: str, credentials: Path | None = None) -> Iterator[None
         settings.insert_json5(key, value)
     settings.insert_json5("mode", '"router"')
     settings.insert_json5("listen/endpoints", json.dumps([endpoint]))
+    settings.insert_json5("connect/endpoints", json.dumps(list(peers)))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
     settings.insert_json5(f"{_SHARED_MEMORY}/enabled", "false")  # it passes on what others put there, and puts nothing

@@ -30,7 +30,7 @@ class Channel:
     key: below `hyrecro/`. rate_hz: None = as it happens. is_command: people and programs send it to the robot, also as
     JSON, and a query on it is answered with accepted or the reason of refusal. is_kept: the publisher keeps the last
     message and answers queries with it, so that a late joiner gets it. is_large: it fills links and queues. topic,
-    ros_type: where it stands in a recording.
+    ros_type: where it stands in a recording. robot: the namespace of another robot, if it is not our own that speaks.
     """
 
     key: str
@@ -43,14 +43,15 @@ class Channel:
     is_recorded: bool = True
     is_large: bool = False
     topic: str = ""
+    robot: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "topic", self.topic or "/" + self.key)
 
     @property
     def key_expr(self) -> str:
-        """The whole Zenoh key expression."""
-        return PREFIX + self.key
+        """The whole Zenoh key expression, without our own namespace."""
+        return f"{self.robot}/{PREFIX}{self.key}" if self.robot else PREFIX + self.key
 
     def of(self, service: str) -> Channel:
         """The concrete channel of one service, for a key that ends in `*`."""
@@ -59,6 +60,10 @@ class Channel:
     def every(self) -> Channel:
         """The channel for who needs each of its messages, not only the newest."""
         return replace(self, delivery=Delivery.EVERY)
+
+    def of_robot(self, robot: str) -> Channel:
+        """The channel of another robot, which has this namespace."""
+        return replace(self, robot=robot)
 
     def of_sensor(self, sensor: str) -> Channel:
         """The channel of another sensor of the same kind: `lidar_rear/points` of `lidar/points`."""

@@ -366,7 +366,8 @@ class LidarScan(Measurement):
     t_ns (N,): after `stamp_ns` when each point was measured. ring (N,): 0 = top.
 
     Ground truth, None unless asked for. member (N,): number of the shape met, counted through the visuals of
-    structure_description, then of robot_description. face (N,): of that shape, see `shared.meshes.faces_of`.
+    structure_description, then of robot_description; of the k-th of sensors.other_robots k million and the number of
+    the visual in its own. face (N,): of that shape, see `shared.meshes.faces_of`.
     true_range_m (N,): along the beam from its origin, without any error of the sensor.
     """
 

@@ -312,6 +312,12 @@ class Config(Section):
     evaluator: EvaluatorConfig = EvaluatorConfig()
     teleop: TeleopConfig = TeleopConfig.model_construct()
 
+    @model_validator(mode="after")
+    def _sees_others(self) -> Config:
+        if self.bus.namespace in self.sensors.other_robots:
+            raise ValueError(f"sensors.other_robots has the robot's own namespace {self.bus.namespace}")
+        return self
+
     @field_validator("player", "teleop", mode="before")
     @classmethod
     def _default_is_checked(cls, value: object) -> object:

@@ -53,13 +53,13 @@ class Traffic:
         traffic.last_seq = seq
         self.stamp_ns = self.stamp_ns if stamp_ns is None else stamp_ns
 
-    def received(self, key: str, message: Message) -> None:
-        """Notes a decoded message."""
+    def received(self, key: str, message: Message, *, tells_time: bool = True) -> None:
+        """Notes a decoded message. tells_time: whether its stamp is of our own time."""
         traffic = self._of(key)
         traffic.num_received += 1
         if isinstance(message, Measurement):
             traffic.last_seq = message.seq
-            self.stamp_ns = message.stamp_ns
+            self.stamp_ns = message.stamp_ns if tells_time else self.stamp_ns
             source = source_of(message)
             if source in traffic.sources or len(traffic.sources) < MAX_SOURCES:
                 traffic.sources.setdefault(source, SequenceCounter()).add(message.seq)

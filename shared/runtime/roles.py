@@ -17,6 +17,7 @@ ROLES: tuple[str, ...] = (
     "recorder",
     "player",
     "teleop",
+    "supervisor",
 )
 
 

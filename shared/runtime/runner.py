@@ -198,7 +198,7 @@ class ServiceLoop:
                 message = decode(channel.message, parcel.payload, schema=parcel.schema)
             if parcel.is_replay and self._traffic.is_known(key, message):
                 return
-            self._traffic.received(key, message)
+            self._traffic.received(key, message, tells_time=not channel.robot)
             self._send(self._node.inputs[channel](message))
         except (CodecError, MessageError, RefusedError, InputFileError) as error:
             self._refuse(parcel, f"{key}: {error}", is_message=message is not None)

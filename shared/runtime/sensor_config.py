@@ -247,6 +247,7 @@ class DepthConfig(SensorConfig):
 
 
 OtherName = Annotated[str, Field(pattern=r"^(lidar|depth)_[a-z0-9_]+$")]
+RobotName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*$")]
 OtherSensor = Annotated[LidarConfig | DepthConfig, Field(discriminator="kind")]
 
 
@@ -257,14 +258,18 @@ class SensorsConfig(Section):
     depth: DepthConfig = Field(default_factory=lambda: DepthConfig.model_validate({}))
     others: dict[OtherName, OtherSensor] = Field(default_factory=dict)
     """Further sensors by name; the name begins with the kind, and is the first part of the sensor's keys."""
+    other_robots: tuple[RobotName, ...] = ()
+    """Namespaces (bus.namespace) of the robots in the same world: the sensors see them."""
 
     def named(self) -> dict[str, LidarConfig | DepthConfig]:
         """Every sensor that is configured, enabled or not, by its name."""
         return {"lidar": self.lidar, "depth": self.depth, **self.others}
 
     @model_validator(mode="after")
-    def _kinds_match(self) -> SensorsConfig:
+    def _names_fit(self) -> SensorsConfig:
         for name, sensor in self.others.items():
             if not name.startswith(sensor.kind):
                 raise ValueError(f"others.{name}: the name of a {sensor.kind} begins with {sensor.kind}_")
+        if len(set(self.other_robots)) < len(self.other_robots):
+            raise ValueError(f"other_robots names one twice: {', '.join(self.other_robots)}")
         return self

@@ -67,3 +67,14 @@ def test_the_routers_file_sets_what_the_embedded_router_sets():
     assert router.get_json("scouting/multicast/enabled") == "false"
     assert router.get_json("mode") == '"router"'
     assert COMPOSE["services"]["router"]["environment"] == {"ZENOH_RUNTIME": ROUTER_RUNTIME}
+
+
+def test_over_several_hosts_each_service_is_on_one_of_them():
+    hosts = YAML().load(ROOT / "docker-compose.hosts.yml")["services"]
+    profiles = {name: service["profiles"] for name, service in hosts.items() if "profiles" in service}
+    assert set(profiles) == set(SERVICES)
+    assert {name for name, those in profiles.items() if those == ["base"]} == {"recorder", "evaluator"}
+    assert {name for name, those in profiles.items() if those == ["robot"]} == set(SERVICES) - {"recorder", "evaluator"}
+    assert list(hosts["router"]["ports"]) == ["${HYRECRO_LISTEN:-127.0.0.1}:7447:7447"], (
+        "loopback unless told otherwise"
+    )

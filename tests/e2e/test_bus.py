@@ -250,3 +250,28 @@ def test_closing_twice_is_fine(endpoint):
     bus.close()
     with Bus(BusConfig(endpoint=endpoint)) as other:
         assert other.alive() == set(), "its token is gone"
+
+
+def test_a_robot_hears_another_one_apart_from_itself(endpoint):
+    configs = [BusConfig(endpoint=endpoint, namespace=name) for name in ("robot_a", "robot_b")]
+    inbox = Inbox()
+    with Bus(configs[0]) as a, Bus(configs[1]) as b:
+        for bus, foot in ((a, Foot.A), (b, Foot.B)):
+            bus.advertise(LEG_STATE)
+            bus.publish(LEG_STATE, leg_state(1, foot))
+        a.subscribe(LEG_STATE, inbox)
+        a.subscribe(LEG_STATE.of_robot("robot_b"), inbox)
+        parcels = [wait_until(lambda: inbox.take(0.1), "what was last said") for _ in range(2)]
+    feet = {parcel.key: decode(LegState, parcel.payload).fixed_foot for parcel in parcels}
+    assert feet == {"hyrecro/leg/state": Foot.A, "robot_b/hyrecro/leg/state": Foot.B}
+
+
+def test_routers_join_whichever_runs_first(endpoint):
+    peers = [free_endpoint(), endpoint]
+    config = BusConfig(endpoint=free_endpoint())
+    with Bus(BusConfig(endpoint=endpoint)) as robot, open_router(config.endpoint, peers=peers), Bus(config) as base:
+        robot.advertise(LEG_STATE)
+        robot.publish(LEG_STATE, leg_state(1, Foot.B))
+        assert wait_until(lambda: base.ask(LEG_STATE, LegState), "the other host") == leg_state(1, Foot.B)
+        with open_router(peers[0]), Bus(BusConfig(endpoint=peers[0])) as late:
+            assert wait_until(lambda: late.ask(LEG_STATE, LegState), "a router that came later") is not None

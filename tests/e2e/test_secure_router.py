@@ -43,7 +43,7 @@ def roles(tmp_path_factory):
     write_files(folder, credential_files(Authority(now_utc(), now_utc().replace(year=2100)), ROLES))
     config = BusConfig(endpoint=free_endpoint().replace("tcp/", "tls/"), credentials=folder)
     with contextlib.ExitStack() as stack:
-        stack.enter_context(open_router(config.endpoint, folder))
+        stack.enter_context(open_router(config.endpoint, credentials=folder))
         sessions = {role: (stack.enter_context(Bus(config, name=role)), Inbox()) for role in ROLES}
         for role, (bus, inbox) in sessions.items():
             for channel in CHANNELS:

@@ -61,6 +61,14 @@ def test_a_key_of_which_all_was_dropped_is_in_the_snapshot():
     assert counts(Traffic(), {"k": 9})["k"].num_dropped == 9
 
 
+def test_another_robot_s_stamps_are_not_our_time():
+    traffic = Traffic()
+    traffic.received("k", clock(0, stamp_ns=5))
+    traffic.received("robot_b/k", clock(0, stamp_ns=99), tells_time=False)
+    assert traffic.stamp_ns == 5
+    assert counts(traffic)["robot_b/k"].num_received == 1
+
+
 def test_how_long_messages_waited_is_told_once():
     traffic = Traffic()
     for wait_s in (0.5, 0.1, 0.2):

@@ -30,9 +30,15 @@ _HEAD = """\
         enable_mtls: true,
         close_link_on_expiration: true,
       },
-      // Room for short stalls, so that a busy machine does not make messages drop; as in shared/messaging/bus.py.
-      tx: { queue: { size: { data: 16 }, congestion_control: { drop: { wait_before_drop: 50000 } } } },
+      // As in configs/zenoh/router.json5: room for each kind of message, and no subscriber that holds up the others.
+      tx: {
+        queue: {
+          size: { interactive_high: 16, data: 16, data_low: 16 },
+          congestion_control: { drop: { wait_before_drop: 1000 }, block: { wait_before_close: 1000000 } },
+        },
+      },
     },
+    shared_memory: { transport_optimization: { enabled: false } },
     auth: { usrpwd: { dictionary_file: "/credentials/router/passwords" } },
   },
   access_control: {
@@ -87,6 +93,8 @@ class Access:
         if channel.is_kept:
             self.allow(self.ingress, ["query"], key_expr)
             self.allow(self.egress, ["declare_queryable", "reply"], key_expr)
+            self.allow(self.ingress, ["liveliness_query", "declare_liveliness_subscriber"], _published(channel))
+            self.allow(self.egress, ["liveliness_token"], _published(channel))
 
     def may_obey(self, channel: Channel, *, is_answered: bool) -> None:
         """Takes a command by put and by query, and answers the query where that is its part."""

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 
+from cli import announcer
 from services.evaluator import node as evaluator
 from services.mapper import node as mapper
 from services.planner import node as planner
@@ -18,7 +19,7 @@ from services.sim import node as sim
 from services.teleop import node as teleop
 from services.viewer import node as viewer
 from services.viewer.live import LiveView
-from shared.messaging.channels import CHANNELS, EVENTS, HEALTH
+from shared.messaging.channels import CHANNELS, EVENTS, HEALTH, LEG_STATE
 from shared.runtime.config import Config
 from shared.runtime.config_loading import load_config
 from shared.runtime.node import Context, Node
@@ -47,7 +48,7 @@ def all_wires() -> tuple[Wires, ...]:
         nodes = [_built(build, f"mapper.input={sensor}") for sensor in inputs]
         sent = {channel.key for node in nodes for channel in node.outputs} | {EVENTS.key, HEALTH.key}
         everyone.append(Wires(name, frozenset(sent), frozenset(_inputs(nodes)), frozenset(_answers(nodes))))
-    return tuple(everyone)
+    return (*everyone, Wires(announcer.NAME, frozenset({EVENTS.key, HEALTH.key}), frozenset({LEG_STATE.key})))
 
 
 def _builders() -> dict[str, BuildNode]:
