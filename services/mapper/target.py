@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from services.mapper.cloud_alignment import CloudAlignment
 from services.mapper.matching import make_matcher
 from services.mapper.priors.interface import Step
 from services.mapper.registration import Points, RegistrationError, ScanMatcher
@@ -50,7 +51,7 @@ class Target:
     def restart(self) -> None:
         """The next scan is where the map began, or else begins a new map."""
         if self._tracker is not None:
-            self._tracker = Tracker(self._config, self.matcher, self._T_map_first)
+            self._tracker = Tracker(self._config, self.matcher, self._T_map_first, self._cloud)
             self._is_restarted = True
 
     def add_to_cloud(self, points_m: Points, track: Track) -> None:
@@ -87,7 +88,7 @@ class Target:
         except RegistrationError:
             return Track(SE3.identity(), False)
         self._T_map_first = T_map_sensor
-        self._tracker = Tracker(self._config, self.matcher, T_map_sensor)
+        self._tracker = Tracker(self._config, self.matcher, T_map_sensor, self._cloud)
         return Track(T_map_sensor, True)
 
     def _in_loaded_map(self, points_m: Points) -> SE3:
@@ -103,5 +104,7 @@ class Target:
         self._tracker = None
         self.matcher: ScanMatcher = make_matcher(self._config)
         self._voxels = VoxelMap(self._config.voxel_size_m, self._config.max_map_points)
+        has_planes = self._config.method == "plane" and self._config.scan_to == "map"
+        self._cloud = CloudAlignment(self._config, self._voxels) if has_planes else None
         if self._loaded_map_m is not None:
             self._voxels.insert(self._loaded_map_m)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from services.mapper.cloud_alignment import CloudAlignment
 from services.mapper.degeneracy import degenerate_axes, held
 from services.mapper.registration import Points, RegistrationResult, ScanMatcher
 from shared.geometry import SE3
@@ -44,12 +45,16 @@ class Track:
 class Tracker:
     """Believes or refuses what a matcher finds. A refused scan is lost: its pose is the prediction, the map unchanged.
 
-    matcher: has begun its target with a scan at T_map_sensor.
+    matcher: has begun its target with a scan at T_map_sensor. cloud: what is asked where a scan leaves directions open
+    that no measurement of the motion holds.
     """
 
-    def __init__(self, config: MapperConfig, matcher: ScanMatcher, T_map_sensor: SE3) -> None:
+    def __init__(
+        self, config: MapperConfig, matcher: ScanMatcher, T_map_sensor: SE3, cloud: CloudAlignment | None = None
+    ) -> None:
         self._config = config
         self._matcher = matcher
+        self._cloud = cloud
         self._T_map_sensor = self._T_map_tracked = T_map_sensor
         self.num_lost = 0
         """Scans lost since the last that was tracked."""
@@ -89,12 +94,26 @@ class Tracker:
                 self._T_map_sensor = prediction
                 self.num_lost += 1
                 return Track(prediction, False, result, degenerate_axes(result.hessian))
-        axes = degenerate_axes(result.hessian)
-        T_map_sensor = held(result, prediction) if axes and not is_found_again else result.T_map_lidar
+        T_map_sensor, axes = result.T_map_lidar, degenerate_axes(result.hessian)
+        if axes and not is_found_again:
+            T_map_sensor, axes = self._held(points_m, result, prediction, is_measured)
         self._matcher.accept(T_map_sensor)
         self._T_map_sensor = self._T_map_tracked = T_map_sensor
         self.num_lost = 0
         return Track(T_map_sensor, True, result, axes, is_found_again)
+
+    def _held(
+        self, points_m: Points, result: RegistrationResult, prediction: SE3, is_measured: bool
+    ) -> tuple[SE3, tuple[str, ...]]:
+        """The pose, with its open directions held by what knows best, and the axes that are open still."""
+        T_map_sensor, axes = held(result, prediction), degenerate_axes(result.hessian)
+        if is_measured or self._cloud is None:
+            return T_map_sensor, axes
+        found = self._cloud.align(points_m, T_map_sensor)
+        if found is None:
+            return T_map_sensor, axes
+        still_open = degenerate_axes(found.hessian)
+        return held(result, held(found, prediction)), tuple(axis for axis in axes if axis in still_open)
 
     def _widening(self, is_measured: bool) -> float:
         widest = 2.0 ** min(self.num_lost, _MAX_WIDENINGS)
