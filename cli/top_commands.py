@@ -26,7 +26,7 @@ def top(
 ) -> None:
     """Shows what every service costs and how its messages fare: rates, waits, drops, losses; `q` ends it."""
     from cli.watching import watch
-    from shared.runtime.runner import StopSignal
+    from shared.runtime.stop_signal import StopSignal
 
     stop = StopSignal()
     is_once = once or not sys.stdout.isatty()

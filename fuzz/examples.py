@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
 
 from services.recorder.ros.messages import to_cdr
 from shared.cloud_files import write_cloud, write_scan
@@ -218,7 +220,11 @@ def _mcap(topic: str, ros_type: str, data: bytes, compression: CompressionType) 
 def _clouds(suffix: str) -> list[bytes]:
     points_m = np.arange(12.0).reshape(4, 3)
     colours = np.full((4, 3), 7, dtype=np.uint8)
-    return [_written(lambda path, of=of: write_cloud(path, points_m, of), suffix) for of in (None, colours)]
+    return [_written(partial(_write_cloud, points_m, of), suffix) for of in (None, colours)]
+
+
+def _write_cloud(points_m: NDArray[np.float64], colours: NDArray[np.uint8] | None, path: Path) -> None:
+    write_cloud(path, points_m, colours)
 
 
 def _written(write: Callable[[Path], object], suffix: str) -> bytes:

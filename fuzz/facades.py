@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from time import monotonic_ns
@@ -21,6 +21,7 @@ from services.sensors.node import build_node as sensor_node
 from services.sim.node import build_node as sim_node
 from services.teleop.bodies import bodies_of
 from services.teleop.teleop import Teleop
+from services.viewer.drawing import Drawn
 from services.viewer.live import LiveView
 from services.viewer.node import node_of as viewer_node
 from shared.messaging import channels as c
@@ -72,9 +73,14 @@ def _replay(config: Config, context: Context) -> Node:
     return replay_node(replay, channels, context, is_lockstep=False)
 
 
+def _throw_away(drawings: Iterable[Drawn]) -> None:
+    for _ in drawings:
+        pass
+
+
 def _viewer(config: Config, _context: Context) -> Node:
     """What it draws is made and thrown away."""
-    return viewer_node(LiveView(lambda drawings: list(drawings) and None), config, lambda: False)
+    return viewer_node(LiveView(_throw_away), config, lambda: False)
 
 
 def _teleop(config: Config, _context: Context) -> Node:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from services.mapper.cloud_alignment import CloudAlignment
 from services.mapper.matching import make_matcher
 from services.mapper.priors.interface import Step
 from services.mapper.registration import Points, RegistrationError, ScanMatcher
@@ -52,7 +53,7 @@ class Target:
     def restart(self) -> None:
         """The next scan is where the map began, or else begins a new map."""
         if self._tracker is not None:
-            self._tracker = Tracker(self._config, self.matcher, self._T_map_first)
+            self._tracker = Tracker(self._config, self.matcher, self._T_map_first, self._cloud)
             self._is_restarted = True
 
     def snapshot(self) -> TrackState | None:
@@ -84,8 +85,10 @@ class Target:
         voxels.restore(known.cloud)
         T_map_sensor, T_map_tracked = SE3.from_matrix(track.T_map_sensor), SE3.from_matrix(track.T_map_tracked)
         self._T_map_first = SE3.from_matrix(track.T_map_first)
-        self.matcher, self._voxels = matcher, voxels
-        self._tracker = Tracker(self._config, matcher, T_map_sensor, T_map_tracked, track.num_lost)
+        self._begin(matcher, voxels)
+        self._tracker = Tracker(
+            self._config, matcher, T_map_sensor, self._cloud, T_map_tracked=T_map_tracked, num_lost=track.num_lost
+        )
         self.num_lost_scans = track.num_lost_scans
 
     def add_to_cloud(self, points_m: Points, track: Track) -> None:
@@ -122,7 +125,7 @@ class Target:
         except RegistrationError:
             return Track(SE3.identity(), False)
         self._T_map_first = T_map_sensor
-        self._tracker = Tracker(self._config, self.matcher, T_map_sensor)
+        self._tracker = Tracker(self._config, self.matcher, T_map_sensor, self._cloud)
         return Track(T_map_sensor, True)
 
     def _in_loaded_map(self, points_m: Points) -> SE3:
@@ -136,7 +139,11 @@ class Target:
 
     def _begin_empty(self) -> None:
         self._tracker = None
-        self.matcher = make_matcher(self._config)
-        self._voxels = VoxelMap(self._config.voxel_size_m, self._config.max_map_points)
+        self._begin(make_matcher(self._config), VoxelMap(self._config.voxel_size_m, self._config.max_map_points))
         if self._loaded_map_m is not None:
             self._voxels.insert(self._loaded_map_m)
+
+    def _begin(self, matcher: ScanMatcher, voxels: VoxelMap) -> None:
+        self.matcher, self._voxels = matcher, voxels
+        has_planes = self._config.method == "plane" and self._config.scan_to == "map"
+        self._cloud = CloudAlignment(self._config, voxels) if has_planes else None

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from services.mapper.cloud_alignment import CloudAlignment
 from services.mapper.degeneracy import degenerate_axes, held
 from services.mapper.registration import Points, RegistrationResult, ScanMatcher
 from shared.geometry import SE3
@@ -44,8 +45,9 @@ class Track:
 class Tracker:
     """Believes or refuses what a matcher finds. A refused scan is lost: its pose is the prediction, the map unchanged.
 
-    matcher: has begun its target. T_map_sensor: where the last scan was taken; T_map_tracked: the last that was
-    tracked, by default the same; num_lost: scans lost since.
+    matcher: has begun its target. T_map_sensor: where the last scan was taken. cloud: what is asked where a scan leaves
+    directions open that no measurement of the motion holds. T_map_tracked: the last that was tracked, by default the
+    same; num_lost: scans lost since.
     """
 
     def __init__(
@@ -53,11 +55,14 @@ class Tracker:
         config: MapperConfig,
         matcher: ScanMatcher,
         T_map_sensor: SE3,
+        cloud: CloudAlignment | None = None,
+        *,
         T_map_tracked: SE3 | None = None,
         num_lost: int = 0,
     ) -> None:
         self._config = config
         self._matcher = matcher
+        self._cloud = cloud
         self._T_map_sensor, self._T_map_tracked = T_map_sensor, T_map_tracked or T_map_sensor
         self.num_lost = num_lost
         """Scans lost since the last that was tracked."""
@@ -102,12 +107,26 @@ class Tracker:
                 self._T_map_sensor = prediction
                 self.num_lost += 1
                 return Track(prediction, False, result, degenerate_axes(result.hessian))
-        axes = degenerate_axes(result.hessian)
-        T_map_sensor = held(result, prediction) if axes and not is_found_again else result.T_map_lidar
+        T_map_sensor, axes = result.T_map_lidar, degenerate_axes(result.hessian)
+        if axes and not is_found_again:
+            T_map_sensor, axes = self._held(points_m, result, prediction, is_measured)
         self._matcher.accept(T_map_sensor)
         self._T_map_sensor = self._T_map_tracked = T_map_sensor
         self.num_lost = 0
         return Track(T_map_sensor, True, result, axes, is_found_again)
+
+    def _held(
+        self, points_m: Points, result: RegistrationResult, prediction: SE3, is_measured: bool
+    ) -> tuple[SE3, tuple[str, ...]]:
+        """The pose, with its open directions held by what knows best, and the axes that are open still."""
+        T_map_sensor, axes = held(result, prediction), degenerate_axes(result.hessian)
+        if is_measured or self._cloud is None:
+            return T_map_sensor, axes
+        found = self._cloud.align(points_m, T_map_sensor)
+        if found is None:
+            return T_map_sensor, axes
+        still_open = degenerate_axes(found.hessian)
+        return held(result, held(found, prediction)), tuple(axis for axis in axes if axis in still_open)
 
     def _widening(self, is_measured: bool) -> float:
         widest = 2.0 ** min(self.num_lost, _MAX_WIDENINGS)

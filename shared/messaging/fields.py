@@ -123,7 +123,7 @@ def _checked_scalar(spec: FieldSpec, value: Any) -> Any:
     raise MessageError(f"{spec.name} must be {kind.__name__}, got {type(value).__name__}")
 
 
-def _checked_float(name: str, value: float) -> float:
+def _checked_float(name: str, value: float | np.floating) -> float:
     try:
         number = float(value)
     except OverflowError:

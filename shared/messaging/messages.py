@@ -176,8 +176,8 @@ class FootTarget(Message):
             raise MessageError("point_m and normal belong together")
         if self.normal is not None and not _MIN_LENGTH <= math.hypot(*self.normal) <= 1 / _MIN_LENGTH:
             raise MessageError(f"normal must be of length {_MIN_LENGTH:g} to {1 / _MIN_LENGTH:g}")
-        place = self.point_m if self.T_world_foot is None else self.T_world_foot[:3]
-        if np.abs(place).max() > MAX_PLACE_M:
+        place = self.T_world_foot[:3] if self.T_world_foot is not None else self.point_m
+        if place is not None and np.abs(place).max() > MAX_PLACE_M:
             raise MessageError(f"a place is farther than {MAX_PLACE_M:g} m from the origin")
 
 

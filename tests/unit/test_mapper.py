@@ -159,3 +159,22 @@ def test_a_lost_scan_does_not_enter_the_map(mapper):
     before = len(mapper.map_cloud().points_m)
     feed(mapper, [scan(3, points=np.random.default_rng(0).uniform(-3, 3, (5000, 3)))])
     assert len(mapper.map_cloud().points_m) == before
+
+
+SHAFT = [
+    *(Box(SE3.trans(sign * 2.1), (0.1, 1.0, 0.6)) for sign in (-1, 1)),
+    *(Box(SE3.trans(0.0, sign * 1.6), (1.5, 0.1, 0.4)) for sign in (-1, 1)),
+    *(Box(SE3.trans(sign * 1.75, 0.0, -0.5), (0.25, 0.3, 0.02)) for sign in (-1, 1)),
+]
+"""Four upright plates, whose faces leave z open, and two ledges so small that hardly a ray in a hundred meets them."""
+
+
+def test_where_faces_leave_a_direction_open_the_cloud_holds_it(mapper):
+    def up_and_down(k):
+        return SE3.trans(0.01 * k, 0.0, 0.05 * np.sin(0.9 * k))
+
+    answers = feed(mapper, [scan(k, points=box_scan(SHAFT, up_and_down(k), RAYS, 0.005, seed=k)) for k in range(12)])
+    for k, messages in enumerate(answers):
+        error = up_and_down(k).inv() @ SE3.from_xyz_quat_xyzw(only(Odometry, messages).T_frame_child)
+        assert only(MapStatus, messages).is_tracking
+        assert np.linalg.norm(error.translation) < 0.01

@@ -27,6 +27,8 @@ _MAX_STEP = 0.3
 """Metres and radians together: from farther away the patches were not the right ones."""
 HELD = 1e3
 """Damping (1/m^2, 1/rad^2), about what one point at 30 mm of noise says: directions of which no more is known stay."""
+_HELD_SHARE = 1e-3
+"""Damping as a share of all weight: few points, at the edges of faces, do not move a pose along an open direction."""
 
 
 @lean_kernel()
@@ -173,9 +175,11 @@ def _take_step(N: Float, damping: float, T: Float) -> float:
     """Solves the sum N (10, 10) for the pose and moves it; returns the largest part of the step."""
     H, x = np.empty((NUM_POSE, NUM_POSE)), np.empty(NUM_POSE)
     for p in range(NUM_POSE):
+        half = 3 * (p // 3)
+        weight = N[half, half] + N[half + 1, half + 1] + N[half + 2, half + 2]
         for q in range(NUM_POSE):
             H[p, q] = N[p, q]
-        H[p, p] = H[p, p] * (1.0 + damping) + HELD
+        H[p, p] = H[p, p] * (1.0 + damping) + HELD + _HELD_SHARE * weight
         x[p] = -N[p, ALPHA]
     factorise(H)
     solve_factorised(H, x)

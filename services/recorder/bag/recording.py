@@ -70,7 +70,7 @@ class Recording:
 
     def _num_missed(self, topic: str) -> int:
         counts = self._counts.get(topic, {})
-        return sum(int(counts.get(name, 0)) for name in ("num_lost_on_bus", "num_lost_to_disk"))
+        return sum(counts.get(name) or 0 for name in ("num_lost_on_bus", "num_lost_to_disk"))
 
     def messages(self, *channels: Channel) -> Iterator[m.Message]:
         """The messages of these channels in the order of their time.
