@@ -19,6 +19,7 @@ $(STAMP): requirements-dev.lock pyproject.toml tools/system-libraries.sh
 	touch $@
 
 $(KERNELS): $(STAMP) $(shell find services/sensors services/mapper shared/kernel.py shared/deskew.py shared/depth_points.py -name '*.py')
+	find services shared -name '*.nb[ic]' -delete  # numba does not see what changed in a kernel that another calls
 	$(BIN)/python -m services.sensors.compile_kernels
 	$(BIN)/python -m services.mapper.compile_kernels
 	touch $@

@@ -162,7 +162,7 @@ def test_missed_messages_are_counted_up_to_the_largest_number():
     traffic = Traffic()
     for seq in (0, 2**63 - 1, 2**63 - 1):
         traffic.received("a", m.Clock(stamp_ns=0, seq=seq, frame=""))
-    (count,) = traffic.snapshot({}, {})
+    (count,) = traffic.snapshot({}, {}, {})
     assert count.num_missed == 2**63 - 1
 
 
@@ -170,7 +170,7 @@ def test_invented_keys_are_counted_as_one():
     traffic = Traffic()
     for number in range(MAX_KEYS + 50):
         traffic.refused(f"hyrecro/health/{number}")
-    counts = {count.key: count for count in traffic.snapshot({}, {})}
+    counts = {count.key: count for count in traffic.snapshot({}, {}, {})}
     assert len(counts) == MAX_KEYS + 1
     assert counts[OTHER_KEYS].num_refused == 50
 
@@ -182,7 +182,7 @@ def test_a_message_counts_as_received_or_as_refused():
     traffic.received("a", clock)
     traffic.refused("a", is_message=True)
     traffic.refused("a")
-    (count,) = traffic.snapshot({}, {})
+    (count,) = traffic.snapshot({}, {}, {})
     assert (count.num_received, count.num_refused) == (1, 2)
 
 
