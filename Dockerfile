@@ -19,9 +19,10 @@ RUN pip install --no-cache-dir --disable-pip-version-check --root-user-action=ig
         --no-deps --no-build-isolation --editable . \
     && python -m compileall -q shared services cli \
     && useradd --uid 10001 --create-home hyrecro \
-    && install -d -o hyrecro /recordings
+    && install -d -o hyrecro /recordings \
+    && install -d -o hyrecro -m 700 /credentials
 
 USER hyrecro
 RUN rerun analytics disable && python -m services.sensors.compile_kernels && python -m services.mapper.compile_kernels
 ENV PYTHONUNBUFFERED=1
-ENTRYPOINT ["python", "-m"]
+ENTRYPOINT ["python", "-m", "shared.runtime.guard"]

@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 KERNELS := $(VENV)/.kernels
 
-.PHONY: setup ouster demo test check docs docs-serve lock clean
+.PHONY: setup ouster demo test check fuzz docs docs-serve lock clean
 
 setup: $(KERNELS)
 
@@ -19,6 +19,7 @@ $(STAMP): requirements-dev.lock pyproject.toml tools/system-libraries.sh
 	touch $@
 
 $(KERNELS): $(STAMP) $(shell find services/sensors services/mapper shared/kernel.py shared/deskew.py shared/depth_points.py -name '*.py')
+	find services shared -name '*.nb[ic]' -delete  # numba does not see what changed in a kernel that another calls
 	$(BIN)/python -m services.sensors.compile_kernels
 	$(BIN)/python -m services.mapper.compile_kernels
 	touch $@
@@ -44,6 +45,11 @@ check: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest tests/unit tests/contract
+
+# Every reader, guided by coverage: `python -m fuzz --help` for more runs, or one reader
+fuzz: setup
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check atheris==3.0.0
+	$(BIN)/python -m fuzz --runs 20000 --seconds 20
 
 # The site: into out/site, or shown on loopback while it is written. What is made from code: python -m tools.docs
 docs docs-serve: export NO_MKDOCS_2_WARNING = 1

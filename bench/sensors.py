@@ -136,7 +136,7 @@ def _lidar_cases(world: World) -> Iterator[Case]:
     beams = read_beams(CONFIGS_DIR / "sensors" / "beams" / "os1_128_uniform.yaml", 1024)
     poses = _moving(seen, world, beams)
     assert seen.scene is not None
-    effects = LidarEffects(LidarConfig.model_validate({"preset": "datasheet"}), beams, seen.scene, 0, seed=1)
+    effects = LidarEffects(LidarConfig.model_validate({"preset": "datasheet"}), beams, seen.scene, slice(0), seed=1)
 
     def measure_scan() -> object:
         return effects.apply(backend.scan(beams, poses, _NEAR_M, _FAR_M), None, 0)

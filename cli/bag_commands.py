@@ -16,16 +16,21 @@ from cli.options import JsonOption
 app = typer.Typer(no_args_is_help=True)
 
 RecordingArgument = Annotated[Path, typer.Argument(metavar="RUN.mcap", help="A recording, also one that was cut off.")]
+RunArgument = Annotated[
+    Path, typer.Argument(metavar="RUN.mcap|FOLDER", help="A recording, or the folder of a run: all its files.")
+]
 Target = Literal["rosbag2", "pcd", "ply", "las"]
 
 
 @app.command()
-def info(recording: RecordingArgument, is_json: JsonOption = False) -> None:
+def info(recording: RunArgument, is_json: JsonOption = False) -> None:
     """Shows what a recording holds, and what it says of its own losses; exit code 3 where it is INCOMPLETE."""
     from cli.bag_tables import info_json, print_info
     from services.recorder.bag.overview import overview_of
     from services.recorder.tally import COMPLETE
 
+    if recording.is_dir():
+        _end(is_fine=_balance(recording, is_json))
     with _progress("read") as on_progress:
         overview = overview_of(recording, on_progress)
     _say(info_json(overview), is_json, lambda: print_info(overview))
@@ -33,11 +38,13 @@ def info(recording: RecordingArgument, is_json: JsonOption = False) -> None:
 
 
 @app.command()
-def verify(recording: RecordingArgument, is_json: JsonOption = False) -> None:
+def verify(recording: RunArgument, is_json: JsonOption = False) -> None:
     """Decodes every message, checks checksums, numbers and stamps; exit code 3 where something is missing."""
     from cli.bag_tables import print_verification, verification_json
     from services.recorder.bag.verification import verified
 
+    if recording.is_dir():
+        _end(is_fine=_verified_folder(recording, is_json))
     with _progress("verify") as on_progress:
         verification = verified(recording, on_progress)
     _say(verification_json(verification), is_json, lambda: print_verification(verification))
@@ -85,6 +92,40 @@ def convert(
     figures = {"written": converted.num_written, "problems": list(converted.problems)}
     _say(figures, is_json, lambda: typer.echo(f"{converted.num_written} {noun} in {out}"))
     _end(is_fine=not converted.problems)
+
+
+def _balance(folder: Path, is_json: bool) -> bool:
+    """Prints what a run's files hold together; returns whether that is all."""
+    from cli.bag_folder_tables import balance_json, print_balance
+    from services.recorder.bag.balance import balance_of
+    from services.recorder.tally import COMPLETE
+
+    with _progress("read") as on_progress:
+        balance = balance_of(folder, on_progress)
+    _say(balance_json(balance), is_json, lambda: print_balance(balance))
+    return balance.state == COMPLETE
+
+
+def _verified_folder(folder: Path, is_json: bool) -> bool:
+    """Verifies each file of a run, and prints what is missing between them, too; returns whether all is there."""
+    from cli.bag_folder_tables import folder_verification_json, print_folder_verification
+    from services.recorder.bag.balance import balance_of, run_files
+    from services.recorder.bag.verification import verified
+    from services.recorder.tally import COMPLETE
+
+    with _progress("verify") as on_progress:
+        files = run_files(folder)
+        verifications = []
+        for number, path in enumerate(files):
+            on_progress(number / len(files) / 2)
+            verifications.append(verified(path))
+        balance = balance_of(folder, lambda share: on_progress(0.5 + share / 2))
+    _say(
+        folder_verification_json(balance, verifications),
+        is_json,
+        lambda: print_folder_verification(balance, verifications),
+    )
+    return balance.state == COMPLETE and all(each.is_fine for each in verifications)
 
 
 @contextmanager

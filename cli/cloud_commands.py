@@ -122,7 +122,7 @@ def save_(
     from shared.messaging.channels import LIDAR_POINTS
     from shared.runtime.exit_codes import Exit
     from shared.runtime.run_folder import make_run_folder, run_name
-    from shared.runtime.runner import StopSignal
+    from shared.runtime.stop_signal import StopSignal
 
     if every is None and not sys.stdin.isatty():
         raise typer.BadParameter("without a terminal there is no key to press: give --every S")
@@ -146,7 +146,7 @@ def _points(file: Path | None, key: str | None, config: Config) -> NDArray[np.fl
         return finite_points(file, _warn)
     from cli.live_clouds import cloud_channel, live_points
     from shared.messaging.channels import MAP_CLOUD
-    from shared.runtime.runner import StopSignal
+    from shared.runtime.stop_signal import StopSignal
 
     channel = MAP_CLOUD if key is None else cloud_channel(key)
     with StopSignal() as stop:

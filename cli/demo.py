@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 import time
@@ -18,9 +19,11 @@ from cli.playback import play_trajectory
 from cli.report import RunReport, score_run
 from shared.runtime.config import Config
 from shared.runtime.exit_codes import Exit
+from shared.runtime.logs import configure_logs
 from shared.runtime.ports import free_endpoint
 from shared.runtime.run_folder import run_folder, run_name
-from shared.runtime.runner import StopSignal
+from shared.runtime.snapshots import state_folder
+from shared.runtime.stop_signal import StopSignal
 
 _SPEED_RADPS = 0.3
 """Where no speed is set: 100 commands for each of a climb's many short rows would take six minutes."""
@@ -29,7 +32,8 @@ _SETTLE_S = 1.5
 
 
 def run_demo(config_path: Path, overrides: list[str], *, is_json: bool) -> int:
-    """Runs the demo; exit code 3 where the recording lost messages or the mapper lost track, 130 after Ctrl-C."""
+    """Runs the demo; exit code 3 where messages or track were lost or a service was restarted, 130 after Ctrl-C."""
+    configure_logs(verbosity=-1)
     config = resolved(config_path, overrides)
     endpoint = free_endpoint(config.bus.endpoint)
     if endpoint != config.bus.endpoint:
@@ -39,42 +43,49 @@ def run_demo(config_path: Path, overrides: list[str], *, is_json: bool) -> int:
     config = resolved(config_path, overrides)
     folder = run_folder(config.recorder, config.recorder.run)
     with StopSignal() as stop:
-        is_finished = _run_pipeline(config, service_arguments(config_path, overrides), folder, stop.is_set)
-    if not is_finished:
+        num_restarts = _run_pipeline(config, service_arguments(config_path, overrides), folder, stop.is_set)
+    if num_restarts is None:
         _say(f"stopped; what was recorded is in {folder}")
         return stop.exit_code()
     _say("scoring the run against the truth ...")
-    report = _write_results(folder, config)
+    report = _write_results(folder, config, num_restarts)
     if is_json:
         print(json.dumps(report.figures, indent=2))
     else:
         _print_tables(report.figures, folder)
-    is_whole = report.figures["lost_messages"] == 0 and report.figures["num_scans_lost_tracking"] == 0
-    return Exit.FINE if is_whole else Exit.PARTIAL
+    num_failures = report.figures["lost_messages"] + report.figures["num_scans_lost_tracking"] + len(num_restarts)
+    return Exit.PARTIAL if num_failures else Exit.FINE
 
 
-def _run_pipeline(config: Config, arguments: list[str], folder: Path, is_stopping: Callable[[], bool]) -> bool:
-    """Returns whether the climb was played to its end."""
-    with Pipeline(config, arguments, logs_dir=folder / "logs") as pipeline:
+def _run_pipeline(
+    config: Config, arguments: list[str], folder: Path, is_stopping: Callable[[], bool]
+) -> dict[str, int] | None:
+    """Returns how often each service was restarted, if any was; None: the climb was not played to its end."""
+    with contextlib.ExitStack() as stack:
+        state = stack.enter_context(state_folder(None))
+        arguments = [*arguments, "--set", f"state_directory={state}"]
+        pipeline = stack.enter_context(Pipeline(config, arguments, logs_dir=folder / "logs"))
         pipeline.start(is_stopping, on_ready=lambda name: _say(f"{name} is ready"))
         if is_stopping():
-            return False
+            return None
         _say(f"climbing {config.player.trajectory.name}, recording {folder}/run.mcap")
-        is_finished = play_trajectory(config, lambda: is_stopping() or pipeline.ended_child() is not None)
+        is_finished = play_trajectory(config, lambda: is_stopping() or pipeline.has_failed())
         pipeline.check()
         deadline = time.monotonic() + _SETTLE_S
         while is_finished and time.monotonic() < deadline and not is_stopping():
             time.sleep(0.05)
-    return is_finished and not is_stopping()
+        pipeline.check()
+        return pipeline.num_restarts if is_finished and not is_stopping() else None
 
 
-def _write_results(folder: Path, config: Config) -> RunReport:
+def _write_results(folder: Path, config: Config, num_restarts: dict[str, int]) -> RunReport:
     from cli.pictures import draw_map
     from services.recorder.bag.recording import Recording
     from shared.cloud_files import write_pcd
     from shared.trajectory_files import write_tum
 
     report = score_run(Recording(folder / "run.mcap"), config)
+    report.figures["restarts"] = num_restarts
     write_pcd(folder / "map.pcd", report.map_points_m)
     write_tum(folder / "trajectory.tum", report.estimated)
     write_tum(folder / "truth.tum", report.true)
@@ -118,6 +129,7 @@ def _score_rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
         ),
         ("time a scan, median", f"{figures['ms_per_scan_p50']:.1f} ms (95 %: {figures['ms_per_scan_p95']:.1f} ms)"),
         ("messages lost", str(figures["lost_messages"])),
+        ("restarts", ", ".join(f"{name} {num}" for name, num in figures["restarts"].items()) or "none"),
         ("scans without tracking", str(figures["num_scans_lost_tracking"])),
         (
             f"again, predicted by {_PRIORS[again['prior']]}",

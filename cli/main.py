@@ -10,6 +10,7 @@ import typer
 
 from cli import (
     bag_commands,
+    certs_commands,
     cloud_commands,
     config_commands,
     eval_commands,
@@ -22,6 +23,7 @@ from cli import (
     sim_commands,
     structure_commands,
     sweep_commands,
+    top_commands,
     view_commands,
 )
 from shared.errors import ConfigError, HyrecroError, InputFileError, StoppedError
@@ -35,6 +37,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 pipeline_commands.register(app)
+top_commands.register(app)
 map_commands.register(app)
 eval_commands.register(app)
 sweep_commands.register(app)
@@ -47,6 +50,7 @@ app.add_typer(robot_commands.app, name="robot", help="Command the robot and read
 app.add_typer(sensor_commands.app, name="sensor", help="See what the sensors see.")
 app.add_typer(sim_commands.app, name="sim", help="Pause, step, pace, reset and seed of simulated time.")
 app.add_typer(config_commands.app, name="config", help="Show or check the configuration.")
+app.add_typer(certs_commands.app, name="certs", help="Make credentials of a secure bus, and see until when they hold.")
 app.add_typer(structure_commands.app, name="structure", help="Make, show and convert structures.")
 
 

@@ -1,20 +1,20 @@
-"""Starts the router and the services as child processes, waits until they are ready, stops them in order."""
+"""Starts the router and the services as child processes in order, keeps them running, stops them in order."""
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
-import time
+import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
 
+from cli.announcer import Announcer
 from shared.errors import HyrecroError
 from shared.messaging.bus import Bus, is_reachable
-from shared.runtime.children import end_with_parent
+from shared.messaging.messages import Severity
 from shared.runtime.config import Config
+from shared.runtime.exit_codes import Exit
+from shared.runtime.supervision import POLL_S, PatientClock, Supervised
 
 
 def services_of(config: Config) -> tuple[dict[str, list[str]], ...]:
@@ -33,120 +33,130 @@ def services_of(config: Config) -> tuple[dict[str, list[str]], ...]:
     return {"recorder": ["services.recorder"]}, {**others, **sensors}, {"sim": ["services.sim"]}
 
 
-_READY_TIMEOUT_S = 60.0
-_STOP_TIMEOUT_S = 10.0
-
-
 class PipelineError(HyrecroError):
-    """A service that does not start or dies; the text says which one and how."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Child:
-    name: str
-    process: subprocess.Popen[bytes]
+    """A service that was given up; the text says which one and why."""
 
 
 class Pipeline:
     """The running processes. `arguments` (--config, --set ...) led to `config`; they go to every service.
 
-    logs_dir: a file per process; None = they write to this process's stderr.
+    One thread starts them, watches them and stops them: children end with the thread that started them.
+    logs_dir: a file per process; None = they write to this process's stderr. is_joining: the router runs already.
     """
 
-    def __init__(self, config: Config, arguments: list[str], *, logs_dir: Path | None = None) -> None:
-        self._bus_config, self._groups = config.bus, services_of(config)
-        self._arguments = arguments
-        self._logs_dir = logs_dir
-        self._children: list[_Child] = []
+    def __init__(
+        self, config: Config, arguments: list[str], *, logs_dir: Path | None = None, is_joining: bool = False
+    ) -> None:
+        self._bus_config, self._logs_dir, self._is_joining = config.bus, logs_dir, is_joining
+        self._children: list[Supervised] = []
+        self._clock = PatientClock()
+        services = services_of(config)
+        self._names = {name for group in services for name in group}
+        router = () if is_joining else ({"router": ["cli.main", "router"]},)
+        self._groups = [
+            {name: [*command, *arguments] for name, command in group.items()} for group in (*router, *services)
+        ]
+        self._announcer = Announcer(config.bus, self._names)
+        self._is_up, self._is_stopping = threading.Event(), threading.Event()
+        self._pool = ThreadPoolExecutor(1, "supervisor")
+        self._supervision: Future[None] | None = None
 
     def start(self, is_stopping: Callable[[], bool], on_ready: Callable[[str], None] = lambda name: None) -> None:
         """Starts the router, then every service; returns when all are ready, or early when `is_stopping`.
 
-        Raises:
-            PipelineError: the endpoint is taken, or a service ended or is not ready in time.
-        """
-        endpoint = self._bus_config.endpoint
-        if endpoint.startswith("tcp/") and is_reachable(endpoint):
-            raise PipelineError(f"{endpoint} is taken: is another pipeline running? Set bus.endpoint to use another")
-        self._spawn("router", ["-m", "cli.main", "router", "--endpoint", endpoint])
-        self._wait_until(lambda: is_reachable(endpoint), "router", is_stopping)
-        if is_stopping():
-            return
-        on_ready("router")
-        with Bus(self._bus_config, is_stopping=is_stopping) as bus:
-            for group in self._groups:
-                if is_stopping():
-                    return
-                for name, arguments in group.items():
-                    self._spawn(name, ["-m", *arguments, *self._arguments])
-                for name in group:
-                    self._wait_until(lambda name=name: name in bus.alive(), name, is_stopping)  # type: ignore[misc]
-                    if not is_stopping():
-                        on_ready(name)
+        on_ready: called on another thread.
 
-    def ended_child(self) -> str | None:
-        """What to say of a child that ended though it should run, or None."""
-        for child in self._children:
-            if (code := child.process.poll()) is not None:
-                return f"{child.name} ended with exit code {code}{self._log_hint(child.name)}"
-        return None
+        Raises:
+            PipelineError: the endpoint is taken, the robot runs already, or a service was given up.
+            BusError: there is no router to join.
+        """
+        self._check_bus(is_stopping)
+        self._supervision = self._pool.submit(self._supervise, on_ready)
+        while not (self._is_up.wait(POLL_S) or is_stopping()):
+            self.check()
+
+    def _check_bus(self, is_stopping: Callable[[], bool]) -> None:
+        endpoint = self._bus_config.endpoint
+        if not self._is_joining:
+            if endpoint.startswith(("tcp/", "tls/")) and is_reachable(endpoint):
+                raise PipelineError(
+                    f"{endpoint} is taken: is another pipeline running? Set bus.endpoint to use another, or give --join"
+                )
+            return
+        with Bus(self._bus_config, is_stopping=is_stopping) as bus:
+            if running := bus.alive() & self._names:
+                robot = self._bus_config.namespace or "a robot without bus.namespace"
+                raise PipelineError(f"{robot} runs already: {', '.join(sorted(running))}. Set another bus.namespace")
+
+    def has_failed(self) -> bool:
+        """Whether a service was given up; all are stopped then."""
+        return self._supervision is not None and self._supervision.done()
 
     def check(self) -> None:
         """Raises:
-        PipelineError: a child has ended though it should run.
+        PipelineError: a service was given up.
         """
-        if (ended := self.ended_child()) is not None:
-            raise PipelineError(ended)
+        if self._supervision is not None and self._supervision.done():
+            self._supervision.result()
+
+    @property
+    def num_restarts(self) -> dict[str, int]:
+        """By process, of those that were started again."""
+        return {child.name: child.num_restarts for child in self._children if child.num_restarts}
+
+    @property
+    def exit_code(self) -> Exit:
+        """Of the stopped pipeline: 3 if its recording lacks something."""
+        is_partial = any(child.name == "recorder" and child.exit_code == Exit.PARTIAL for child in self._children)
+        return Exit.PARTIAL if is_partial else Exit.FINE
 
     def stop(self) -> None:
         """Ends every process, sources first, the recorder and the router last. Idempotent."""
-        while self._children:
-            child = self._children.pop()
-            if child.process.poll() is None:
-                child.process.send_signal(signal.SIGTERM)
-                try:
-                    child.process.wait(_STOP_TIMEOUT_S)
-                except subprocess.TimeoutExpired:
-                    child.process.kill()
-                    child.process.wait()
+        self._is_stopping.set()
+        self._pool.shutdown()
 
-    def _spawn(self, name: str, arguments: list[str]) -> None:
-        # Children stand in sessions of their own, so that Ctrl-C reaches this process alone and it decides the order.
-        output = None
-        if self._logs_dir is not None:
-            self._logs_dir.mkdir(parents=True, exist_ok=True)
-            output = (self._logs_dir / f"{name}.log").open("wb")
+    # ---- what the supervising thread does
+
+    def _supervise(self, on_ready: Callable[[str], None]) -> None:
         try:
-            process = subprocess.Popen(  # noqa: S603 - our own modules
-                [sys.executable, *arguments],
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT if output else None,
-                start_new_session=True,
-                preexec_fn=end_with_parent,
-            )
+            for group in self._groups:
+                self._start_group(group, on_ready)
+                if "recorder" in group:
+                    self._announcer.start()
+            self._is_up.set()
+            while not self._is_stopping.wait(POLL_S):
+                self._look()
+        except OSError as error:
+            raise PipelineError(f"a process cannot be started: {error}") from error
         finally:
-            if output is not None:
-                output.close()
-        self._children.append(_Child(name, process))
+            self._announcer.close()
+            for child in reversed(self._children):
+                child.stop()
 
-    def _wait_until(self, is_ready: Callable[[], bool], name: str, is_stopping: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + _READY_TIMEOUT_S
-        while not is_stopping():
-            if (ended := self.ended_child()) is not None:
-                raise PipelineError(ended)
-            if is_ready():
-                return
-            if time.monotonic() > deadline:
-                raise PipelineError(f"{name} is not ready after {_READY_TIMEOUT_S:g} s{self._log_hint(name)}")
-            time.sleep(0.05)
+    def _start_group(self, group: dict[str, list[str]], on_ready: Callable[[str], None]) -> None:
+        if self._is_stopping.is_set():
+            return
+        now_s = self._clock.now_s()
+        started = []
+        for name, command in group.items():
+            log_path = None if self._logs_dir is None else self._logs_dir / f"{name}.log"
+            started.append(Supervised(name, ["-m", *command], now_s, log_path=log_path))
+            self._children.append(started[-1])
+        for child in started:
+            while not child.is_ready:
+                if self._is_stopping.wait(POLL_S):
+                    return
+                self._look()
+            on_ready(child.name)
 
-    def _log_hint(self, name: str) -> str:
-        if self._logs_dir is None:
-            return ""
-        path = self._logs_dir / f"{name}.log"
-        lines = path.read_text(errors="replace").strip().splitlines()[-3:]
-        return f" (see {path}): " + " | ".join(lines)
+    def _look(self) -> None:
+        now_s = self._clock.now_s()
+        for child in self._children:
+            if (comeback := child.step(now_s)) is not None:
+                self._announcer.say(Severity.WARNING, comeback.text)
+            if child.failure is not None:
+                self._announcer.say(Severity.ERROR, child.failure)
+                raise PipelineError(child.failure)
 
     def __enter__(self) -> Pipeline:
         return self

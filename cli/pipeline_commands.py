@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from pathlib import Path
@@ -13,6 +14,11 @@ from cli.options import DEFAULT_CONFIG, ConfigOption, JsonOption, SetOption, res
 
 EndpointOption = Annotated[str | None, typer.Option(help="Where to listen; default bus.endpoint.")]
 
+PeersOption = Annotated[
+    list[str] | None,
+    typer.Option("--connect", metavar="ENDPOINT", help="Another host's router, also if it runs later."),
+]
+
 
 def register(app: typer.Typer) -> None:
     """Adds the commands to the top of the command tree."""
@@ -22,29 +28,39 @@ def register(app: typer.Typer) -> None:
 
 def up(
     has_page: Annotated[bool, typer.Option("--teleop", help="With the page in a browser.")] = False,
+    is_joining: Annotated[bool, typer.Option("--join", help="Another robot, on the router that runs.")] = False,
     config: ConfigOption = DEFAULT_CONFIG,
     set_: SetOption = None,
 ) -> None:
-    """Starts router, simulation, LiDAR, mapper, evaluator and recorder; Ctrl-C stops all of it."""
+    """Starts router, simulation, sensors, mapper, evaluator, recorder, and keeps them running; Ctrl-C stops all."""
     from cli.pipeline import Pipeline
+    from shared.runtime.logs import configure_logs
     from shared.runtime.run_folder import run_folder, run_name
-    from shared.runtime.runner import StopSignal
+    from shared.runtime.snapshots import state_folder
+    from shared.runtime.stop_signal import StopSignal
 
     set_ = [*(set_ or []), *(["teleop.enabled=true"] if has_page else [])]
     settings = resolved(config, set_)
-    name = run_name(settings.recorder)
+    name = run_name(settings.recorder, settings.bus.namespace)
     stop = StopSignal()
-    arguments = service_arguments(config, [*set_, f"recorder.run={name}"])
-    with Pipeline(settings, arguments) as pipeline:
+    configure_logs(verbosity=-1)
+    with contextlib.ExitStack() as stack:
+        state = stack.enter_context(state_folder(settings.state_directory))
+        arguments = service_arguments(config, [*set_, f"recorder.run={name}", f"state_directory={state}"])
+        pipeline = stack.enter_context(Pipeline(settings, arguments, is_joining=is_joining))
         pipeline.start(stop.is_set)
         folder = run_folder(settings.recorder, name)
         if not stop.is_set():
             page = f", page at {settings.teleop.url}" if settings.teleop.enabled else ""
-            print(f"up at {settings.bus.endpoint}, recording {folder}/run.mcap{page}; Ctrl-C stops", file=sys.stderr)
+            robot = f"{settings.bus.namespace} " if settings.bus.namespace else ""
+            print(
+                f"{robot}up at {settings.bus.endpoint}, recording {folder}/run.mcap{page}; Ctrl-C stops",
+                file=sys.stderr,
+            )
         while not stop.is_set():
             pipeline.check()
             time.sleep(0.1)
-    raise typer.Exit(stop.exit_code())
+    raise typer.Exit(pipeline.exit_code or stop.exit_code())
 
 
 def teleop(config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None) -> None:
@@ -90,17 +106,28 @@ def simulate(
     typer.echo(f"{num_scans} scans in {out}")
 
 
-def router(endpoint: EndpointOption = None, config: ConfigOption = DEFAULT_CONFIG, set_: SetOption = None) -> None:
+def router(
+    endpoint: EndpointOption = None,
+    peers: PeersOption = None,
+    config: ConfigOption = DEFAULT_CONFIG,
+    set_: SetOption = None,
+) -> None:
     """Runs a Zenoh router, on loopback unless told otherwise."""
     from shared.messaging.bus import open_router
-    from shared.runtime.runner import StopSignal
+    from shared.runtime.notify import Pulse
+    from shared.runtime.stop_signal import StopSignal
 
-    endpoint = endpoint or resolved(config, set_).bus.endpoint
-    stop = StopSignal()
-    with open_router(endpoint):
-        print(f"router listens at {endpoint}", file=sys.stderr)
+    bus = resolved(config, set_).bus
+    endpoint = endpoint or bus.endpoint
+    stop, pulse = StopSignal(), Pulse.from_environment()
+    with open_router(endpoint, credentials=bus.credentials, peers=peers or []):
+        joined = f", joins {', '.join(peers)}" if peers else ""
+        print(f"router listens at {endpoint}{joined}", file=sys.stderr)
+        pulse.ready()
         while not stop.is_set():
+            pulse.beat()
             time.sleep(0.1)
+        pulse.stopping()
     raise typer.Exit(stop.exit_code())
 
 

@@ -42,7 +42,7 @@ def replay(
     """
     from cli.replaying import ReplayRequest, replay as run
     from shared.runtime.exit_codes import Exit
-    from shared.runtime.runner import StopSignal
+    from shared.runtime.stop_signal import StopSignal
 
     request = ReplayRequest(
         path=recording,

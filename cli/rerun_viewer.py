@@ -16,7 +16,7 @@ from typing import Any
 
 from shared.errors import HyrecroError
 from shared.messaging.bus import is_reachable
-from shared.runtime.children import end_with_parent
+from shared.runtime.children import ending_with_parent
 
 _BINARY = Path(str(files("rerun_cli"))) / "rerun"
 DEFAULT_PORT = 9090
@@ -80,7 +80,7 @@ class RerunViewer:
             stderr=subprocess.STDOUT,
             env={**os.environ, "WGPU_BACKEND": "vulkan"} if kind is Kind.HEADLESS else None,
             start_new_session=True,
-            preexec_fn=end_with_parent,
+            preexec_fn=ending_with_parent(),
         )
 
     def is_running(self) -> bool:

@@ -29,7 +29,7 @@ def play(
 ) -> None:
     """Plays a trajectory file on the running robot, and waits until it has reached every target."""
     from cli.playback import play_trajectory
-    from shared.runtime.runner import StopSignal
+    from shared.runtime.stop_signal import StopSignal
 
     overrides = [f"player.trajectory={trajectory.resolve()}", *(set_ or [])]
     overrides += [f"player.rate_hz={rate}"] if rate is not None else []
@@ -113,7 +113,7 @@ def step(
     from cli.stepping import step_foot
     from shared.errors import MessageError
     from shared.messaging.messages import Foot, FootTarget
-    from shared.runtime.runner import StopSignal
+    from shared.runtime.stop_signal import StopSignal
 
     if foot is not None and foot not in Foot.__members__:
         raise typer.BadParameter(f"{foot!r} is not a foot: A or B")

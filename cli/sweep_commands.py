@@ -37,7 +37,7 @@ def sweep(
     from cli.sweep_table import csv_text, markdown_text, rows_of, terminal_table
     from shared.errors import InputFileError
     from shared.runtime.exit_codes import Exit
-    from shared.runtime.runner import StopSignal
+    from shared.runtime.stop_signal import StopSignal
 
     wanted = read_spec(spec)
     settings = resolved(DEFAULT_CONFIG, list(wanted.set_))

@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field, ValidationError, model_validator
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from shared.errors import ConfigError
 from shared.files import read_text
 from shared.runtime.section import InputFile, Section
+from shared.yaml_reading import YamlError, load_yaml
 
 Positive = Annotated[float, Field(gt=0)]
 
@@ -102,10 +101,10 @@ def read_spec(path: Path) -> SweepSpec:
         InputFileError: the file cannot be read. ConfigError: with one line for each problem: file, key, rule.
     """
     try:
-        tree = YAML(typ="safe", pure=True).load(read_text(path))
+        tree = load_yaml(read_text(path), str(path))
         return SweepSpec.model_validate(tree, context={"base_dir": path.resolve().parent})
-    except YAMLError as error:
-        raise ConfigError([f"{path}: not valid YAML: {getattr(error, 'problem', None) or error}"]) from error
+    except YamlError as error:
+        raise ConfigError([str(error)]) from error
     except ValidationError as error:
         raise ConfigError([f"{path}: {_problem_text(dict(details))}" for details in error.errors()]) from error
 

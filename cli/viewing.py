@@ -13,7 +13,7 @@ from services.recorder.bag.file_order import FileOrderReading
 from services.viewer.canvas import TIMELINE
 from shared.runtime.config import Config
 from shared.runtime.exit_codes import Exit
-from shared.runtime.runner import StopSignal
+from shared.runtime.stop_signal import StopSignal
 
 _LIVE_PICTURE_S = 5.0
 """By then scan, map and planes have come."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.errors import CloudFileError, InputFileError
-from shared.files import read_bytes
+from shared.files import BYTES_A_MIB, read_bytes
 from shared.las_format import las_bytes, parse_las
 from shared.messaging.messages import LidarScan
 from shared.pcd_format import Columns, parse_pcd
@@ -21,7 +21,8 @@ from shared.ply_format import parse_ply, ply_bytes
 Colours = NDArray[np.uint8]
 T = TypeVar("T")
 
-MAX_FILE_BYTES = 4 * 1024**3
+MAX_FILE_BYTES = 1024 * BYTES_A_MIB
+"""Some 60 million points of x, y, z and intensity."""
 
 _PARSERS: dict[str, Callable[[bytes], Columns]] = {".pcd": parse_pcd, ".ply": parse_ply, ".las": parse_las}
 _FAR_M = 500.0
@@ -60,17 +61,13 @@ def read_cloud(path: Path) -> Cloud:
     """The cloud of a .pcd, .ply or .las file. No points, and points that are NaN, are legal.
 
     Raises:
-        InputFileError: there is no such file, or its suffix is unknown.
+        InputFileError: there is no such file, its suffix is unknown, or it is larger than `MAX_FILE_BYTES`.
         CloudFileError: its content is not what its format and header promise.
     """
     parse = _by_suffix(_PARSERS, path, "read from")
+    content = read_bytes(path, MAX_FILE_BYTES)
     try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise CloudFileError(f"{path}: larger than {MAX_FILE_BYTES} bytes")
-    except OSError as error:
-        raise InputFileError(f"{path}: {error.strerror or error}") from error
-    try:
-        return _cloud(parse(read_bytes(path)))
+        return _cloud(parse(content))
     except ValueError as error:
         raise CloudFileError(f"{path}: {error}") from error
 

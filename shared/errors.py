@@ -29,6 +29,10 @@ class InputFileError(HyrecroError):
     """A file given by the user that cannot be used: the text names file, place and rule."""
 
 
+class SnapshotError(HyrecroError):
+    """A snapshot that cannot be written, or not used: the text names the file and why."""
+
+
 class PlaybackError(HyrecroError):
     """A trajectory that cannot go on: a refused command, or a target that is not reached in time."""
 

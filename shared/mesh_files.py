@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import logging
+from io import BytesIO
 from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
 
 from shared.errors import InputFileError
+from shared.files import BYTES_A_MIB, read_bytes
 from shared.meshes import area_m2, is_closed, volume_m3
 from shared.solids import Mesh, Vector3
 
 MESH_SUFFIXES = (".stl", ".obj", ".ply")
-MAX_FILE_BYTES = 512 * 1024 * 1024
+MAX_FILE_BYTES = 256 * BYTES_A_MIB
 MAX_VERTICES = 2_000_000
 MAX_COORDINATE_M = 1e6
 """Also far beyond any structure: what lies farther is a wrong unit or a broken file."""
@@ -33,13 +35,7 @@ def read_mesh(path: Path, scale: Vector3 = (1.0, 1.0, 1.0)) -> Mesh:
         raise InputFileError(f"{path}: meshes are read from {', '.join(MESH_SUFFIXES)}, not from '{suffix}'")
     if not min(scale) > 0 or not np.isfinite(scale).all():
         raise InputFileError(f"{path}: scale must be positive and finite, got {scale}")
-    try:
-        num_bytes = path.stat().st_size
-    except OSError as error:
-        raise InputFileError(f"{path}: {error.strerror or error}") from error
-    if num_bytes > MAX_FILE_BYTES:
-        raise InputFileError(f"{path}: {num_bytes} bytes, at most {MAX_FILE_BYTES} are read")
-    mesh = _checked(_parsed(path, suffix, scale), path)
+    mesh = _checked(_parsed(path, read_bytes(path, MAX_FILE_BYTES), scale), path)
     if is_closed(mesh) and volume_m3(mesh) < 0:
         return Mesh(mesh.vertices_m, np.ascontiguousarray(mesh.triangles[:, ::-1]), mesh.file, mesh.scale)
     return mesh
@@ -73,25 +69,23 @@ def mesh_uri(mesh: Mesh) -> str:
     return mesh.file.resolve().as_uri()
 
 
-def _parsed(path: Path, suffix: str, scale: Vector3) -> Mesh:
+def _parsed(path: Path, content: bytes, scale: Vector3) -> Mesh:
     import trimesh  # half a second: only for those who read meshes
 
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # it logs a traceback before it raises what we report
-    try:
-        with path.open("rb") as file:  # a file, not a path: materials and textures beside it are not opened
-            read = trimesh.load_mesh(file, file_type=suffix[1:], process=False, skip_materials=True)
+    kind = path.suffix[1:].lower()
+    try:  # bytes, not a path: materials and textures beside it are not opened
+        read = trimesh.load_mesh(BytesIO(content), file_type=kind, process=False, skip_materials=True)
         if not np.isfinite(read.vertices).all():
             raise ValueError("a coordinate is not finite")
         if read.vertices.shape[1:] != (3,):
             raise ValueError("a vertex needs three coordinates")
         read.merge_vertices(merge_tex=True, merge_norm=True)
         vertices, triangles = np.asarray(read.vertices, dtype=np.float64), np.asarray(read.faces)
-    except OSError as error:
-        raise InputFileError(f"{path}: {error.strerror or error}") from error
     except Exception as error:  # the reader raises whatever broken bytes lead it to
-        raise InputFileError(f"{path}: not a usable {suffix[1:].upper()} mesh: {error}") from error
+        raise InputFileError(f"{path}: not a usable {kind.upper()} mesh: {error}") from error
     if len(triangles) == 0:
-        raise InputFileError(f"{path}: not a usable {suffix[1:].upper()} mesh: it has no triangles")
+        raise InputFileError(f"{path}: not a usable {kind.upper()} mesh: it has no triangles")
     if len(vertices) > MAX_VERTICES:
         raise InputFileError(f"{path}: {len(vertices)} vertices, at most {MAX_VERTICES} are read")
     if triangles.min() < 0 or triangles.max() >= len(vertices):

@@ -16,6 +16,10 @@ _MAX_HEADER_BYTES = 65536
 _TYPES = {"F": "f", "U": "u", "I": "i"}
 _SIZES = {"F": (4, 8), "U": (1, 2, 4, 8), "I": (1, 2, 4, 8)}
 _NUMBERS = ("SIZE", "COUNT", "WIDTH", "HEIGHT", "POINTS")
+MAX_TEXT_BYTES = 256 * 1024 * 1024
+"""Of the points of a file in words, each of which takes many times its length while it is read."""
+MAX_POINT_BYTES = 1024 * 1024 * 1024
+"""Of points once they are decompressed."""
 _MAX_LZF_RATIO = 100
 """LZF's longest reference is 264 bytes long and takes 3: a block that claims to hold more than this is broken."""
 
@@ -113,7 +117,14 @@ def _require(num_points: int, num_present: int) -> None:
         raise ValueError(f"the header says {num_points} points, the data hold {num_present}: {reason}")
 
 
+def check_text(body: bytes) -> None:
+    """Raises ValueError where the points in words are too many bytes."""
+    if len(body) > MAX_TEXT_BYTES:
+        raise ValueError(f"its points are {len(body)} bytes of text, at most {MAX_TEXT_BYTES} are read: save as binary")
+
+
 def _from_ascii(header: _Header, body: bytes) -> Columns:
+    check_text(body)
     words = body.split()
     if len(words) % header.num_columns:
         raise ValueError(f"{len(words)} values are no whole number of points of {header.num_columns} values: cut off")
@@ -168,6 +179,8 @@ def _decompressed(body: bytes, num_bytes: int) -> bytes:
 
     if num_bytes == 0:
         return b""
+    if num_bytes > MAX_POINT_BYTES:
+        raise ValueError(f"the header says {num_bytes} bytes of points, at most {MAX_POINT_BYTES} are read")
     if len(body) < 8:
         raise ValueError("the compressed data are cut off")
     stored, held = (int(length) for length in np.frombuffer(body, "<u4", 2))

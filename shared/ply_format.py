@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.pcd_format import Columns, numbers_of
+from shared.pcd_format import Columns, check_text, numbers_of
 
 _MAX_HEADER_BYTES = 65536
 _TYPES = {
@@ -104,6 +104,7 @@ def _from_binary(elements: list[_Element], order: str, body: bytes) -> Columns:
 
 
 def _from_ascii(elements: list[_Element], body: bytes) -> Columns:
+    check_text(body)
     lines = [line for line in body.splitlines() if line.strip()]
     start = sum(element.num_rows for element in elements[:-1])
     vertices = elements[-1]

@@ -6,13 +6,16 @@ from collections import OrderedDict
 from typing import TypeVar
 
 from services.evaluator.live_map import LiveMap
+from services.evaluator.state import EvaluatorState
 from services.evaluator.trajectory_error import TrajectoryComparison
 from shared.geometry import SE3
 from shared.messaging.frames import FrameTree
 from shared.messaging.messages import (
+    Event,
     Message,
     Odometry,
     PointCloud,
+    Severity,
     StructureDescription,
     TrackingMetrics,
     Transforms,
@@ -38,6 +41,7 @@ class Evaluator:
         self._map = LiveMap(seed)
         self._num_metrics = 0
         self._num_links = 0
+        self._frames = "", ""
         self._begin()
 
     def _begin(self) -> None:
@@ -56,6 +60,39 @@ class Evaluator:
         """
         self._map.set_structure(description)
         return []
+
+    def snapshot(self) -> EvaluatorState | None:
+        """What `restore` needs; None before the first pair."""
+        if (comparison := self._comparison.snapshot()) is None:
+            return None
+        last_odometry_ns, last_odometry_seq = self._last_odometry
+        return EvaluatorState(
+            comparison=comparison,
+            world_frame=self._frames[0],
+            map_frame=self._frames[1],
+            last_true_ns=self._last_true_ns,
+            last_odometry_ns=last_odometry_ns,
+            last_odometry_seq=last_odometry_seq,
+            due_ns=self._due_ns,
+            num_metrics=self._num_metrics,
+            num_links=self._num_links,
+        )
+
+    def restore(self, state: EvaluatorState) -> list[Message]:
+        """Goes on scoring the same run; the link of world and map is told again, for those who come late.
+
+        Raises:
+            ValueError: a matrix in it is no pose.
+        """
+        self._comparison.restore(state.comparison)
+        self._frames = state.world_frame, state.map_frame
+        self._last_true_ns = state.last_true_ns
+        self._last_odometry = state.last_odometry_ns, state.last_odometry_seq
+        self._due_ns, self._num_metrics, self._num_links = state.due_ns, state.num_metrics, state.num_links
+        stamp_ns, num_poses = max(state.last_true_ns, 0), self._comparison.result().num_poses
+        text = f"restored at {stamp_ns / 1e9:.2f} s: goes on with the errors of {num_poses} poses"
+        event = Event(stamp_ns=stamp_ns, seq=0, frame="", source="evaluator", severity=Severity.WARNING, text=text)
+        return [self._world_to_map(stamp_ns), event]
 
     def add_cloud(self, cloud: PointCloud) -> list[Message]:
         """Takes the newest map; the next metrics tell its accuracy."""
@@ -96,14 +133,15 @@ class Evaluator:
         error = self._comparison.add(T_map_lidar, FrameTree(transforms).T_root(self._true_frame))
         messages: list[Message] = []
         if is_first:
-            messages.append(self._world_to_map(stamp_ns, transforms.frame, odometry.frame))
+            self._frames = transforms.frame, odometry.frame
+            messages.append(self._world_to_map(stamp_ns))
         if is_first or stamp_ns >= self._due_ns:
             self._due_ns = stamp_ns + self._period_ns
             messages.append(self._metrics(stamp_ns, odometry.frame, error))
         return messages
 
-    def _world_to_map(self, stamp_ns: int, world: str, map_frame: str) -> Transforms:
-        T_world_map = self._comparison.T_world_map
+    def _world_to_map(self, stamp_ns: int) -> Transforms:
+        T_world_map, (world, map_frame) = self._comparison.T_world_map, self._frames
         assert T_world_map is not None
         self._num_links += 1
         return Transforms(

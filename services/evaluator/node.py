@@ -1,9 +1,10 @@
 """Wiring of the evaluator."""
 
 from services.evaluator.evaluator import Evaluator
+from services.evaluator.state import EvaluatorState
 from shared.messaging.channels import EVAL_METRICS, MAP_CLOUD, MAP_ODOMETRY, STRUCTURE_DESCRIPTION, TF, TF_STATIC
 from shared.runtime.config import Config
-from shared.runtime.node import Context, Node
+from shared.runtime.node import Context, Memory, Node, Part
 
 
 def build_node(config: Config, _context: Context) -> Node:
@@ -19,4 +20,7 @@ def build_node(config: Config, _context: Context) -> Node:
             STRUCTURE_DESCRIPTION: evaluator.set_structure,
         },
         outputs=(EVAL_METRICS, TF_STATIC),
+        memory=Memory(
+            {"state": Part(EvaluatorState, evaluator.snapshot)}, lambda states: evaluator.restore(states["state"])
+        ),
     )

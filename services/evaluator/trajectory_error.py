@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.evaluator.state import ComparisonState, PairState
 from shared.geometry import SE3
 
 Float = NDArray[np.float64]
@@ -77,6 +78,14 @@ class _Sums:
         self.max_m = max(self.max_m, length_m)
         return length_m, angle_rad
 
+    def snapshot(self) -> Float:
+        return np.array([self.num, self.metres, self.squared_m, self.squared_rad, self.max_m])
+
+    @classmethod
+    def restored(cls, values: Float) -> _Sums:
+        num, *sums = values.tolist()
+        return cls(int(num), *sums)
+
     def rmse(self) -> tuple[float, float]:
         """In metres and radians, 0 of nothing."""
         num = max(self.num, 1)
@@ -112,6 +121,31 @@ class TrajectoryComparison:
             self._path_m += float(np.linalg.norm(T_world_lidar.translation - self._previous[1].translation))
         self._previous = pair
         return error
+
+    def snapshot(self) -> ComparisonState | None:
+        """What `restore` needs; None before the first pair."""
+        if self.T_world_map is None or self._first is None or self._previous is None:
+            return None
+        return ComparisonState(
+            T_world_map=self.T_world_map.matrix,
+            first=_pair_state(self._first),
+            previous=_pair_state(self._previous),
+            poses=self._poses.snapshot(),
+            steps=self._steps.snapshot(),
+            pairs_ok=self._pairs_ok,
+            path_m=self._path_m,
+        )
+
+    def restore(self, state: ComparisonState) -> None:
+        """Goes on from there.
+
+        Raises:
+            ValueError: a matrix is no pose.
+        """
+        self.T_world_map = SE3.from_matrix(state.T_world_map)
+        self._first, self._previous = _pair(state.first), _pair(state.previous)
+        self._poses, self._steps = _Sums.restored(state.poses), _Sums.restored(state.steps)
+        self._pairs_ok, self._path_m = state.pairs_ok, state.path_m
 
     def result(self) -> TrajectoryError:
         """The figures so far.
@@ -172,6 +206,14 @@ def errors_by_distance(
             lengths, angles = np.linalg.norm(error[:, :3, 3], axis=1), _angles_rad(error)
             errors.append(SegmentError(length_m, len(starts), _rms(lengths), _rms(angles)))
     return errors
+
+
+def _pair_state(pair: tuple[SE3, SE3]) -> PairState:
+    return PairState(T_map_lidar=pair[0].matrix, T_world_lidar=pair[1].matrix)
+
+
+def _pair(state: PairState) -> tuple[SE3, SE3]:
+    return SE3.from_matrix(state.T_map_lidar), SE3.from_matrix(state.T_world_lidar)
 
 
 def _relative_error(start: tuple[SE3, SE3], end: tuple[SE3, SE3]) -> SE3:

@@ -16,6 +16,8 @@ from shared.runtime.config import MapperConfig
 
 _PATIENCE_NS = 200_000_000
 """Readings that are so far behind the last scan have ended: nothing waits for them."""
+_MAX_EARLY = 10
+"""So much waits for joints that are expected and have not come."""
 _LEG, _SCAN = 0, 1
 Add = Callable[[], list[Message]]
 
@@ -36,6 +38,11 @@ class InTurn:
         self._newest_ns = 0
         self._waiting: list[tuple[int, int, int, Add]] = []
         self._numbers = itertools.count()
+        self._expects_joints = False
+
+    def expect_joints(self) -> None:
+        """The mapper goes on, and knew joints before: without them it would search for its first scan."""
+        self._expects_joints = True
 
     def add_joints(self, joints: JointState) -> list[Message]:
         """Takes a reading of the encoders; returns what the mapper says of the scans that waited for it."""
@@ -89,5 +96,7 @@ class InTurn:
             yield from heapq.heappop(self._waiting)[-1]()
 
     def _is_known(self, stamp_ns: int) -> bool:
+        if self._expects_joints and JointState not in self._reached_ns and len(self._waiting) < _MAX_EARLY:
+            return False
         has_ended_ns = self._newest_ns - _PATIENCE_NS
         return all(reached_ns >= stamp_ns or reached_ns < has_ended_ns for reached_ns in self._reached_ns.values())

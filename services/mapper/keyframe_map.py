@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from services.mapper.methods.registry import RegistrationClass
 from services.mapper.registration import MIN_POINTS, Points, Registration
+from services.mapper.state import PointsState
 from services.mapper.voxel_map import VoxelMap
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
@@ -30,6 +31,24 @@ class KeyframeMap:
         self._voxels = VoxelMap(config.voxel_size_m, config.max_map_points)
         self._insert(points_lidar_m, T_map_lidar)
 
+    def snapshot(self) -> PointsState:
+        """The voxels, and around where scans are aligned to them."""
+        return PointsState(
+            points_m=self.points_m, voxels=self._voxels.snapshot(), near_m=self._near_m[None], novelty=self._novelty
+        )
+
+    def restore(self, state: PointsState) -> None:
+        """Takes the voxels of a snapshot over, in place of its own.
+
+        Raises:
+            ValueError: it cannot be one of these settings.
+        """
+        if state.voxels is None or len(state.near_m) != 1:
+            raise ValueError("is no map of keyframes")
+        self._voxels.restore(state.voxels)
+        self._aim(state.near_m[0])
+        self._novelty = state.novelty
+
     @property
     def points_m(self) -> NDArray[np.float64]:
         """A copy of the map (N, 3), in the map frame."""
@@ -48,8 +67,12 @@ class KeyframeMap:
     def _insert(self, points_lidar_m: Points, T_map_lidar: SE3) -> None:
         self._voxels.insert(T_map_lidar.apply(points_lidar_m))
         self._novelty = 0.0
+        self._aim(T_map_lidar.translation)
+
+    def _aim(self, near_m: NDArray[np.float64]) -> None:
+        self._near_m = near_m
         points_m = self._voxels.points_m
-        is_near = np.linalg.norm(points_m - T_map_lidar.translation, axis=1) <= 2.0 * self._config.max_range_m
+        is_near = np.linalg.norm(points_m - near_m, axis=1) <= 2.0 * self._config.max_range_m
         target_m = points_m[is_near] if is_near.sum() >= MIN_POINTS else points_m
         self.registration: Registration = self._method(target_m, self._config)
 
@@ -67,6 +90,13 @@ class LastScan:
         self._config = config
         self._method = method
         self.add(points_lidar_m, T_map_lidar)
+
+    def snapshot(self) -> PointsState:
+        """The scan."""
+        return PointsState(points_m=self._points_m, voxels=None, near_m=np.empty((0, 3)), novelty=0.0)
+
+    def restore(self, state: PointsState) -> None:
+        """Nothing besides the scan it was begun with."""
 
     @property
     def points_m(self) -> NDArray[np.float64]:

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.mapper.degeneracy import covariance
 from services.mapper.filters import ScanFilter
+from services.mapper.measured import Measured, Points, Registered as Registered
 from services.mapper.motion_model import TREND, MotionModel
 from services.mapper.plane_map import plane_map
 from services.mapper.priors.interface import Prior, Step
 from services.mapper.reports import Reports
+from services.mapper.state import MapState, PoseState
 from services.mapper.target import Target
 from services.mapper.tracking import Track
 from shared.depth_points import points_of
 from shared.deskew import deskewed
-from shared.geometry import SE3
 from shared.messaging.messages import (
     CameraInfo,
     DepthImage,
@@ -37,34 +37,8 @@ from shared.messaging.sequence import SequenceCounter
 from shared.runtime.config import MapperConfig
 
 MAP_FRAME = "map"
-Points = NDArray[np.floating]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Registered:
-    """points_m: of a scan as it was registered, filtered and straightened (N, 3), in the sensor's frame.
-
-    T_map_sensor: where they were found, or predicted if not `is_tracked`; of a straightened scan in its middle.
-    """
-
-    points_m: Points
-    T_map_sensor: SE3
-    is_tracked: bool
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Measured:
-    """What a sensor measured: points_m (N, 3) in `frame`, all as if taken at `taken_ns`.
-
-    seq: of the message. started_ns, received_ns: when work on it began and when it came, on the wall's clock.
-    """
-
-    points_m: Points
-    taken_ns: int
-    seq: int
-    frame: str
-    started_ns: int
-    received_ns: int
+_KINDS: tuple[type[Message], ...] = (Odometry, MapStatus, PointCloud, PlaneMap)
+"""What is numbered, in the order in which a snapshot counts it."""
 
 
 class Mapper:
@@ -131,7 +105,7 @@ class Mapper:
         points_m, taken_ns = self._straightened(scan)
         if taken_ns != scan.stamp_ns and self._is_bent_otherwise(scan, points_m, taken_ns):
             points_m, taken_ns = self._straightened(scan)
-        measured = _Measured(points_m, taken_ns, scan.seq, scan.frame, started_ns, received_ns)
+        measured = Measured(points_m, taken_ns, scan.seq, scan.frame, started_ns, received_ns)
         return [*said, *self._add(measured)]
 
     def set_camera(self, info: CameraInfo) -> list[Message]:
@@ -148,7 +122,7 @@ class Mapper:
         said = self._begin(image.stamp_ns, image.frame)
         depth_mm = image.depth_mm.reshape(image.height, image.width)
         points_m = points_of(depth_mm, camera.fx, camera.fy, camera.cx, camera.cy, self._config.depth_stride)
-        measured = _Measured(points_m, image.stamp_ns, image.seq, image.frame, started_ns, received_ns)
+        measured = Measured(points_m, image.stamp_ns, image.seq, image.frame, started_ns, received_ns)
         return [*said, *self._add(measured)]
 
     def map_cloud(self) -> PointCloud:
@@ -163,6 +137,40 @@ class Mapper:
     def map_planes(self) -> PlaneMap:
         """The map's planes as they are now; none with methods that know none."""
         return plane_map(self._target.matcher, self._stamp_ns, self._next_seq(PlaneMap), MAP_FRAME)
+
+    # ---- going on after a death
+
+    def pose_snapshot(self) -> PoseState | None:
+        """Where it is and what it has said; None before there is a map."""
+        if (track := self._target.snapshot()) is None:
+            return None
+        last_seq = -1 if self._scans.last_seq is None else self._scans.last_seq
+        return PoseState(
+            stamp_ns=self._stamp_ns,
+            map_period=self._map_period,
+            num_sent=np.array([self._num_sent.get(kind, 0) for kind in _KINDS]),
+            scans=np.array([last_seq, self._scans.num_received, self._scans.num_missed]),
+            track=track,
+            motion=self._motion.snapshot(),
+        )
+
+    def map_snapshot(self) -> MapState | None:
+        """The map; None before there is one."""
+        return self._target.map_snapshot(self._stamp_ns)
+
+    def restore(self, pose: PoseState, known: MapState) -> list[Message]:
+        """Goes on in the map of another that was killed: the next scan is looked for where the legs say, or near.
+
+        Raises:
+            ValueError, RegistrationError: they cannot be states of these settings.
+        """
+        num_sent = dict(zip(_KINDS, pose.num_sent.tolist(), strict=True))
+        self._target.restore(pose.track, known)
+        self._motion.restore(pose.motion)
+        last_seq, num_received, num_missed = pose.scans.tolist()
+        self._scans = SequenceCounter(None if last_seq < 0 else last_seq, num_received, num_missed)
+        self._num_sent, self._stamp_ns, self._map_period = num_sent, pose.stamp_ns, pose.map_period
+        return [self._reports.restored(pose.stamp_ns, pose.stamp_ns - known.stamp_ns, self._target.num_points)]
 
     @property
     def target(self) -> Target:
@@ -199,7 +207,7 @@ class Mapper:
         found = self._target.look(self._filter.filtered(points_m).points_m, step)
         return found is not None and self._motion.suppose(taken_ns, found, 2 * (taken_ns - scan.stamp_ns))
 
-    def _add(self, measured: _Measured) -> list[Message]:
+    def _add(self, measured: Measured) -> list[Message]:
         taken_ns = measured.taken_ns
         self._scans.add(measured.seq)
         is_body = self._motion.body_mask(measured.points_m, taken_ns)
@@ -220,7 +228,7 @@ class Mapper:
         odometry = [self._odometry(measured, track)] if self._target.has_begun else []
         return [*odometry, status, *self._reports.events(status, track, slip if is_slip else None), *self._due_map()]
 
-    def _odometry(self, measured: _Measured, track: Track) -> Odometry:
+    def _odometry(self, measured: Measured, track: Track) -> Odometry:
         """At the scan's own stamp, from where it was taken."""
         T_map_sensor = track.T_map_sensor
         if measured.taken_ns != self._stamp_ns:

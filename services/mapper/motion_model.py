@@ -13,6 +13,7 @@ from services.mapper.priors.interface import Prior, Step
 from services.mapper.priors.leg_odometry import LegOdometry
 from services.mapper.registration import Points
 from services.mapper.slip import Disagreement, SlipWatch
+from services.mapper.state import MotionState
 from services.mapper.tracking import Track
 from shared.errors import InputFileError
 from shared.geometry import SE3
@@ -78,6 +79,21 @@ class MotionModel:
             return []
         self._frame = frame
         return self._mount(stamp_ns)
+
+    def snapshot(self) -> MotionState:
+        """What the way on from the last scan follows from, where the legs know it."""
+        readings = self._postures.snapshot(self._last_ns or 0)
+        return MotionState(last_ns=self._last_ns, readings=readings, legs=self._legs.snapshot())
+
+    def restore(self, state: MotionState) -> None:
+        """Goes on from the last scan; of velocities nothing is known.
+
+        Raises:
+            ValueError: it is no such state; nothing has changed.
+        """
+        self._legs.restore(state.legs)
+        self._postures.restore(state.readings)
+        self._last_ns = state.last_ns
 
     def during(self, start_ns: int, end_ns: int) -> Motion | None:
         """The sensor's motion over this time; None where nothing is known of it."""

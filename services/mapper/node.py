@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 from services.mapper.in_turn import InTurn
 from services.mapper.mapper import Mapper
 from services.mapper.priors.interface import Prior
+from services.mapper.state import MapState, PoseState
 from services.mapper.warming import warm_up
 from shared.cloud_files import read_cloud
 from shared.messaging.channels import (
@@ -27,9 +28,12 @@ from shared.messaging.channels import (
 )
 from shared.messaging.messages import Message
 from shared.runtime.config import Config, MapperConfig
-from shared.runtime.node import Context, Handler, Messages, Node
+from shared.runtime.node import Context, Handler, Memory, Messages, Node, Part
 
 M = TypeVar("M", bound=Message)
+
+_MAP_PERIOD_S = 2.0
+"""How old the map may be that a mapper goes on with: it lacks the scans since, no more."""
 
 
 def build_node(config: Config, context: Context) -> Node:
@@ -39,10 +43,21 @@ def build_node(config: Config, context: Context) -> Node:
         InputFileError: the map to begin with is not usable.
     """
     mapper = load_mapper(config.mapper, context.clock_ns)
+    in_turn = InTurn(mapper, config.mapper)
+
+    def restore(states: Mapping[str, Any]) -> Messages:
+        if len(states["pose"].motion.readings.stamps_ns):
+            in_turn.expect_joints()
+        return mapper.restore(states["pose"], states["map"])
+
     return Node(
         name="mapper",
-        inputs=inputs_of(mapper, InTurn(mapper, config.mapper), config.mapper, lambda: context.received_ns),
+        inputs=inputs_of(mapper, in_turn, config.mapper, lambda: context.received_ns),
         outputs=(MAP_ODOMETRY, MAP_STATUS, MAP_CLOUD, MAP_PLANES),
+        memory=Memory(
+            {"pose": Part(PoseState, mapper.pose_snapshot), "map": Part(MapState, mapper.map_snapshot, _MAP_PERIOD_S)},
+            restore,
+        ),
     )
 
 

@@ -20,6 +20,7 @@ from services.mapper.registration import (
     Surface,
     nothing_found,
 )
+from services.mapper.state import TargetState
 from services.mapper.voxel_map import voxel_centroids
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
@@ -59,6 +60,23 @@ class PointMatcher:
         """
         kind = KeyframeMap if self._config.scan_to == "map" else LastScan
         self._target = kind(self._thin(points_lidar_m), T_map_lidar, self._config, self._method)
+
+    def snapshot(self) -> TargetState:
+        """The target."""
+        return TargetState(points=self._started().snapshot())
+
+    def restore(self, state: TargetState) -> None:
+        """Goes on with a target.
+
+        Raises:
+            ValueError, RegistrationError: it cannot be one of these settings.
+        """
+        kind = KeyframeMap if self._config.scan_to == "map" else LastScan
+        if (known := state.points) is None:
+            raise ValueError("is no map of points")
+        target = kind(known.points_m, SE3.identity(), self._config, self._method)
+        target.restore(known)
+        self._target = target
 
     def align(self, points_lidar_m: Points, guesses: Sequence[SE3], widening: float) -> RegistrationResult:
         """The first clear result of the attempts near the guesses, or the one of the highest score.

@@ -1,4 +1,4 @@
-"""The robot's postures over the last seconds, as its encoders read them, and where the sensor is mounted on it."""
+"""The robot's postures over the last minute, as its encoders read them, and where the sensor is mounted on it."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from services.mapper.state import ReadingsState
 from shared.errors import InputFileError
 from shared.geometry import SE3, Float
 from shared.messaging.messages import Foot, JointState
 from shared.robot.description import UrdfModel
 from shared.robot.kinematics import HYRECRO, LINKS, link_matrices
 
-_KEPT_NS = 3_000_000_000
+_KEPT_NS = 60_000_000_000
+"""A sensor that was away for so long, being started again, is still found by the way since its last scan."""
 _MAX_GAP_NS = 50_000_000
 """Before the first and after the last reading a posture is taken to last so long."""
 
@@ -46,6 +48,16 @@ class Postures:
         if joints.stamp_ns - self._stamps_ns[0] > 2 * _KEPT_NS:
             kept = bisect_left(self._stamps_ns, joints.stamp_ns - _KEPT_NS)
             del self._stamps_ns[:kept], self._q[:kept]
+
+    def snapshot(self, since_ns: int) -> ReadingsState:
+        """The readings since then, and the one before."""
+        first = max(bisect_left(self._stamps_ns, since_ns) - 1, 0)
+        stamps_ns, q = np.array(self._stamps_ns[first:], dtype=np.int64), np.array(self._q[first:]).reshape(-1, 8)
+        return ReadingsState(stamps_ns=stamps_ns, q=q)
+
+    def restore(self, state: ReadingsState) -> None:
+        """Takes readings over; between the last of them and the next, nothing is known, and both ends are."""
+        self._stamps_ns, self._q = state.stamps_ns.tolist(), list(state.q)
 
     def knows(self, start_ns: int, end_ns: int) -> bool:
         """Whether the mount is known, and there are readings over all of this time."""

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from services.mapper.state import TargetState
 from shared.errors import HyrecroError
 from shared.geometry import SE3
 
@@ -120,6 +121,16 @@ class ScanMatcher(Protocol):
 
     def localise(self, points_lidar_m: Points) -> RegistrationResult | None:
         """The best place of a scan anywhere in the target, from no guess; None where nothing fits."""
+
+    def snapshot(self) -> TargetState:
+        """The target, which `restore` of a matcher of the same settings takes."""
+
+    def restore(self, state: TargetState) -> None:
+        """Goes on with a target.
+
+        Raises:
+            ValueError, RegistrationError: it cannot be one of these settings.
+        """
 
     def surfaces(self) -> list[Surface]:
         """The planes of the target; none where the method knows none."""

@@ -22,6 +22,14 @@ class Reports:
         """A new run: nothing was said yet."""
         self._num_lost, self._axes = 0, ()
 
+    def restored(self, stamp_ns: int, age_ns: int, num_points: int) -> Event:
+        """The map of an earlier mapper goes on; age_ns: between the map that was kept and its last scan."""
+        text = (
+            f"restored at {stamp_ns / 1e9:.2f} s: goes on in its map of {num_points} points, "
+            f"kept {age_ns / 1e9:.1f} s before"
+        )
+        return Event(stamp_ns=stamp_ns, seq=0, frame="", source="mapper", severity=Severity.WARNING, text=text)
+
     def events(self, status: MapStatus, track: Track, slip: Disagreement | None) -> list[Event]:
         """slip: how far legs and scans disagree, where that is a slip."""
         said = [*self._tracking(status, track), *self._degeneracy(status)]

@@ -9,6 +9,7 @@ from services.mapper.cloud_alignment import CloudAlignment
 from services.mapper.matching import make_matcher
 from services.mapper.priors.interface import Step
 from services.mapper.registration import Points, RegistrationError, ScanMatcher
+from services.mapper.state import MapState, TrackState
 from services.mapper.tracking import Track, Tracker
 from services.mapper.voxel_map import VoxelMap
 from shared.geometry import SE3
@@ -31,6 +32,7 @@ class Target:
         self._T_map_first = SE3.identity()
         self._is_restarted = False
         self.num_lost_scans = 0
+        self.matcher: ScanMatcher
         self._begin_empty()
 
     @property
@@ -53,6 +55,41 @@ class Target:
         if self._tracker is not None:
             self._tracker = Tracker(self._config, self.matcher, self._T_map_first, self._cloud)
             self._is_restarted = True
+
+    def snapshot(self) -> TrackState | None:
+        """Where the sensor is; None before there is a map."""
+        if self._tracker is None:
+            return None
+        return TrackState(
+            T_map_sensor=self._tracker.T_map_sensor.matrix,
+            T_map_tracked=self._tracker.T_map_tracked.matrix,
+            T_map_first=self._T_map_first.matrix,
+            num_lost=self._tracker.num_lost,
+            num_lost_scans=self.num_lost_scans,
+        )
+
+    def map_snapshot(self, stamp_ns: int) -> MapState | None:
+        """The map as it is at that time; None before there is one."""
+        if self._tracker is None:
+            return None
+        return MapState(stamp_ns=stamp_ns, target=self.matcher.snapshot(), cloud=self._voxels.snapshot())
+
+    def restore(self, track: TrackState, known: MapState) -> None:
+        """Goes on with a map, and from where the sensor was.
+
+        Raises:
+            ValueError, RegistrationError: they cannot be of these settings; nothing has changed.
+        """
+        matcher, voxels = make_matcher(self._config), VoxelMap(self._config.voxel_size_m, self._config.max_map_points)
+        matcher.restore(known.target)
+        voxels.restore(known.cloud)
+        T_map_sensor, T_map_tracked = SE3.from_matrix(track.T_map_sensor), SE3.from_matrix(track.T_map_tracked)
+        self._T_map_first = SE3.from_matrix(track.T_map_first)
+        self._begin(matcher, voxels)
+        self._tracker = Tracker(
+            self._config, matcher, T_map_sensor, self._cloud, T_map_tracked=T_map_tracked, num_lost=track.num_lost
+        )
+        self.num_lost_scans = track.num_lost_scans
 
     def add_to_cloud(self, points_m: Points, track: Track) -> None:
         """Takes a scan (N, 3) that was followed into the map's cloud, if it is believed."""
@@ -102,9 +139,11 @@ class Target:
 
     def _begin_empty(self) -> None:
         self._tracker = None
-        self.matcher: ScanMatcher = make_matcher(self._config)
-        self._voxels = VoxelMap(self._config.voxel_size_m, self._config.max_map_points)
-        has_planes = self._config.method == "plane" and self._config.scan_to == "map"
-        self._cloud = CloudAlignment(self._config, self._voxels) if has_planes else None
+        self._begin(make_matcher(self._config), VoxelMap(self._config.voxel_size_m, self._config.max_map_points))
         if self._loaded_map_m is not None:
             self._voxels.insert(self._loaded_map_m)
+
+    def _begin(self, matcher: ScanMatcher, voxels: VoxelMap) -> None:
+        self.matcher, self._voxels = matcher, voxels
+        has_planes = self._config.method == "plane" and self._config.scan_to == "map"
+        self._cloud = CloudAlignment(self._config, voxels) if has_planes else None

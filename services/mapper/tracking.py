@@ -45,24 +45,37 @@ class Track:
 class Tracker:
     """Believes or refuses what a matcher finds. A refused scan is lost: its pose is the prediction, the map unchanged.
 
-    matcher: has begun its target with a scan at T_map_sensor. cloud: what is asked where a scan leaves directions open
-    that no measurement of the motion holds.
+    matcher: has begun its target. T_map_sensor: where the last scan was taken. cloud: what is asked where a scan leaves
+    directions open that no measurement of the motion holds. T_map_tracked: the last that was tracked, by default the
+    same; num_lost: scans lost since.
     """
 
     def __init__(
-        self, config: MapperConfig, matcher: ScanMatcher, T_map_sensor: SE3, cloud: CloudAlignment | None = None
+        self,
+        config: MapperConfig,
+        matcher: ScanMatcher,
+        T_map_sensor: SE3,
+        cloud: CloudAlignment | None = None,
+        *,
+        T_map_tracked: SE3 | None = None,
+        num_lost: int = 0,
     ) -> None:
         self._config = config
         self._matcher = matcher
         self._cloud = cloud
-        self._T_map_sensor = self._T_map_tracked = T_map_sensor
-        self.num_lost = 0
+        self._T_map_sensor, self._T_map_tracked = T_map_sensor, T_map_tracked or T_map_sensor
+        self.num_lost = num_lost
         """Scans lost since the last that was tracked."""
 
     @property
     def T_map_sensor(self) -> SE3:
         """Where the last scan was believed to be taken."""
         return self._T_map_sensor
+
+    @property
+    def T_map_tracked(self) -> SE3:
+        """Where the last scan that was not lost was taken."""
+        return self._T_map_tracked
 
     def look(self, points_m: Points, step: SE3) -> SE3 | None:
         """Where a scan seems to be near the prediction; nothing is believed or taken from it.

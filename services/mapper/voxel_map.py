@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.mapper.registration import Points
+from services.mapper.state import VoxelsState
 from services.mapper.voxel_table import VoxelTable
 from shared.kernel import lean_kernel
 
@@ -33,6 +34,24 @@ class VoxelMap:
         num = len(self)
         return self._sums[:num] / self._counts[:num, np.newaxis]
 
+    def snapshot(self) -> VoxelsState:
+        """All voxels."""
+        num = len(self)
+        return VoxelsState(keys=self._table.keys, sums_m=self._sums[:num], counts=self._counts[:num])
+
+    def restore(self, state: VoxelsState) -> None:
+        """Takes voxels over, in place of its own.
+
+        Raises:
+            ValueError: they are too many, or one has no points.
+        """
+        if len(state.counts) and state.counts.min() < 1:
+            raise ValueError("a voxel without points")
+        self._table.restore(state.keys)
+        self._sums, self._counts = np.zeros((1024, 3)), np.zeros(1024, dtype=np.int32)
+        self._make_room()
+        self._sums[: len(self)], self._counts[: len(self)] = state.sums_m, state.counts
+
     def insert(self, points_m: Points) -> None:
         """Adds points (N, 3) in the map frame. Those of one call that share a voxel count while it is not settled.
 
@@ -40,10 +59,13 @@ class VoxelMap:
             ValueError: a point is too far from the origin to be numbered, see `VoxelTable`; nothing was added.
         """
         rows = self._table.rows(points_m)
+        self._make_room()
+        _accumulate(np.ascontiguousarray(points_m, dtype=np.float64), rows, _MAX_OBSERVATIONS, self._sums, self._counts)
+
+    def _make_room(self) -> None:
         while len(self._table) > len(self._counts):
             self._sums = np.concatenate([self._sums, np.zeros_like(self._sums)])
             self._counts = np.concatenate([self._counts, np.zeros_like(self._counts)])
-        _accumulate(np.ascontiguousarray(points_m, dtype=np.float64), rows, _MAX_OBSERVATIONS, self._sums, self._counts)
 
 
 def voxel_centroids(points_m: Points, voxel_size_m: float) -> NDArray[np.float64]:

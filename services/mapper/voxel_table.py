@@ -29,6 +29,22 @@ class VoxelTable:
     def __len__(self) -> int:
         return self._num
 
+    @property
+    def keys(self) -> NDArray[np.int64]:
+        """Of the voxels (N,), in their order."""
+        return self._keys[: self._num]
+
+    def restore(self, keys: NDArray[np.int64]) -> None:
+        """Numbers the voxels of these keys (N,), and no others.
+
+        Raises:
+            ValueError: they are too many, or one stands there twice.
+        """
+        if len(keys) > self._max_voxels or len(np.unique(keys)) < len(keys):
+            raise ValueError(f"{len(keys)} voxels: must be different ones, and at most {self._max_voxels}")
+        self._keys, self._num = keys.copy(), len(keys)
+        self._reserve(min(max(_MIN_CAPACITY, 2 * len(keys)), self._max_voxels))
+
     def rows(self, points_m: Points) -> NDArray[np.int32]:
         """The voxel's number (N,) of each finite point (N, 3); new voxels get one while there is room, -1 without.
 

@@ -1,6 +1,7 @@
 """Wiring of the planner."""
 
 from services.planner.planner import StepPlanner
+from services.planner.state import PlannerState
 from shared.climbing.climber import load_climber
 from shared.messaging.channels import (
     EVENTS,
@@ -13,7 +14,7 @@ from shared.messaging.channels import (
     ROBOT_STOP,
 )
 from shared.runtime.config import Config
-from shared.runtime.node import Context, Node
+from shared.runtime.node import Context, Memory, Node, Part
 
 
 def build_node(config: Config, _context: Context) -> Node:
@@ -29,4 +30,5 @@ def build_node(config: Config, _context: Context) -> Node:
             ROBOT_STOP: planner.stop,
         },
         outputs=(JOINTS_TARGET, LEG_TARGET, FOOT_STATUS),
+        memory=Memory({"state": Part(PlannerState, planner.snapshot)}, lambda states: planner.restore(states["state"])),
     )

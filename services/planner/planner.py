@@ -8,6 +8,7 @@ import numpy as np
 
 from services.planner.footing import snapped, stand_text
 from services.planner.schedule import Schedule
+from services.planner.state import PlannerState
 from services.planner.step_planning import StepPlan, plan_step
 from shared.climbing.climber import Climber
 from shared.climbing.stance import Stance
@@ -32,6 +33,8 @@ from shared.messaging.messages import (
 from shared.runtime.config import PlannerConfig
 
 _STATUS_PERIOD_NS = 500_000_000
+_REPEAT_NS = 1_000_000_000
+"""A foot that is not fixed by then, in simulated time, is asked for again: nobody may have heard."""
 _WORLD = "world"
 _OWN_KEYS = (JOINTS_TARGET.key_expr, LEG_TARGET.key_expr)
 
@@ -46,11 +49,15 @@ class _Step:
     sent_s: float = 0.0
     due_ns: int = 0
     waits_since_ns: int = 0
-    is_foot_asked: bool = False
+    asked_ns: int | None = None
 
     @property
     def foot(self) -> Foot:
         return self.plan.stance.free_foot
+
+    @property
+    def progress(self) -> float:
+        return self.sent_s / max(self.schedule.duration_s, 1e-9)
 
 
 class StepPlanner:
@@ -72,6 +79,24 @@ class StepPlanner:
         self._told: list[Message] = []
         self._num_statuses = 0
         self._status_due_ns = 0
+
+    def snapshot(self) -> PlannerState:
+        """What `restore` needs."""
+        step = self._step
+        return PlannerState(
+            num_statuses=self._num_statuses,
+            stamp_ns=0 if self._joints is None else self._joints.stamp_ns,
+            foot=None if step is None else step.foot,
+            progress=0.0 if step is None else step.progress,
+        )
+
+    def restore(self, state: PlannerState) -> list[Message]:
+        """Says that the step has ended in which another planner was killed: its targets end by themselves."""
+        self._num_statuses = state.num_statuses
+        if state.foot is None:
+            return []
+        text = "the planner was started again: the step has ended where it was"
+        return [self._status(state.foot, FootPhase.STOPPED, state.progress, text, stamp_ns=state.stamp_ns)]
 
     @property
     def is_busy(self) -> bool:
@@ -161,11 +186,14 @@ class StepPlanner:
 
     def _ask_for_foot(self, step: _Step, stamp_ns: int) -> list[Message]:
         wanted = step.plan.stance.fixed_foot
-        if not step.is_foot_asked:
-            step.is_foot_asked, step.waits_since_ns = True, stamp_ns
+        if step.asked_ns is None:
+            step.asked_ns = step.waits_since_ns = stamp_ns
             return [LegTarget(foot=wanted)]
         if self._has_waited(step, stamp_ns):
             return [self._end(step, FootPhase.FAILED, f"foot {wanted.value} was not fixed{self._waited}")]
+        if stamp_ns - step.asked_ns >= _REPEAT_NS:
+            step.asked_ns = stamp_ns
+            return [LegTarget(foot=wanted)]
         return []
 
     def _send_next(self, step: _Step, stamp_ns: int) -> list[Message]:
@@ -211,7 +239,7 @@ class StepPlanner:
 
     def _step_status(self, step: _Step, phase: FootPhase, text: str = "") -> FootStatus:
         step.phase = phase
-        share = 1.0 if phase is FootPhase.DONE else step.sent_s / max(step.schedule.duration_s, 1e-9)
+        share = 1.0 if phase is FootPhase.DONE else step.progress
         goal, duration_s = step.plan.T_world_goal.xyz_quat_xyzw, step.schedule.duration_s
         return self._status(step.foot, phase, share, text, goal, duration_s, step.plan.margin)
 
@@ -224,11 +252,11 @@ class StepPlanner:
         T_world_goal: Pose | None = None,
         duration_s: float | None = None,
         margin: float | None = None,
+        stamp_ns: int = 0,
     ) -> FootStatus:
-        assert self._joints is not None
         self._num_statuses += 1
         return FootStatus(
-            stamp_ns=self._joints.stamp_ns,
+            stamp_ns=stamp_ns if self._joints is None else self._joints.stamp_ns,
             seq=self._num_statuses - 1,
             frame=_WORLD,
             foot=foot,

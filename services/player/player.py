@@ -26,6 +26,8 @@ from shared.runtime.config import PlayerConfig
 
 _RADIANS_PER_METRE = 10.0
 """A piston's metre counts as so many radians, so that a whole stroke takes as long as half a radian."""
+_REPEAT_S = 1.0
+"""What is waited for so long, in simulated time, was not heard: it is asked for again."""
 _WEIGHTS = np.array([_RADIANS_PER_METRE if name in ("q2", "q7") else 1.0 for name in JOINT_NAMES])
 
 
@@ -33,7 +35,8 @@ class Player:
     """The facade: told of states, it returns the commands that are due then, in simulated time.
 
     Commands are sent `config.rate_hz` times a second; each `MoveTo` is a straight line in joint space from where the
-    robot was when the move began, at `config.speed_radps`, or in `config.num_steps` commands if no speed is set.
+    robot was when the move began, at `config.speed_radps`, or in `config.num_steps` commands if no speed is set. A
+    simulation that was killed and goes on finds the row where it was; what nobody heard is sent again.
 
     Raises (from `add_joint_state`, `add_event` and `stop`):
         PlaybackError: the robot refused a command, fell, or did not reach a target in time; the text names the line.
@@ -106,8 +109,7 @@ class Player:
         if self._foot is self._foot_wanted:
             self._next_move()
             return self._advance(q)
-        self._wait(move.line, f"foot {self._foot_wanted.value} to be fixed")
-        return []
+        return self._wait(move.line, f"foot {self._foot_wanted.value} to be fixed", LegTarget(foot=self._foot_wanted))
 
     def _move_joints(self, move: MoveTo, q: NDArray[np.float64]) -> list[Message]:
         if self._start is None:
@@ -125,8 +127,8 @@ class Player:
             self._next_move()
             return self._advance(q)
         worst = int(errors.argmax())
-        self._wait(move.line, f"q{worst + 1} to go from {q[worst]:.4f} to {move.q[worst]:.4f}")
-        return []
+        what = f"q{worst + 1} to go from {q[worst]:.4f} to {move.q[worst]:.4f}"
+        return self._wait(move.line, what, JointTarget(q=move.q, duration_s=1.0 / self._config.rate_hz))
 
     def _steps_between(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> int:
         if self._config.speed_radps is None:
@@ -146,7 +148,10 @@ class Player:
         self._step = self._num_waits = 0
         self._start = self._foot_wanted = None
 
-    def _wait(self, line: int, what: str) -> None:
+    def _wait(self, line: int, what: str, command: Message) -> list[Message]:
+        """Waits for what a command shall lead to; now and then it is sent again."""
         self._num_waits += 1
         if self._num_waits > self._config.timeout_s * self._config.rate_hz:
             raise PlaybackError(f"line {line}: waited {self._config.timeout_s:g} s for {what}")
+        is_due = self._num_waits % max(1, round(_REPEAT_S * self._config.rate_hz)) == 0
+        return [command] if is_due else []

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.errors import InputFileError
+from shared.files import read_text
 from shared.messaging.messages import JOINT_NAMES
 
 MAX_ROWS = 100_000
@@ -41,9 +42,9 @@ def read_trajectory(path: Path) -> Trajectory:
         InputFileError: with file, line and rule, for the first line that is not usable.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if any(map(str.strip, row))]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        lines = csv.reader(read_text(path).splitlines())
+        rows = [(number, row) for number, row in enumerate(lines, start=1) if any(map(str.strip, row))]
+    except csv.Error as error:
         raise InputFileError(f"{path}: {error}") from error
     if not rows or tuple(cell.strip() for cell in rows[0][1]) != JOINT_NAMES:
         raise InputFileError(f"{path}:1: the header must be {','.join(JOINT_NAMES)}")

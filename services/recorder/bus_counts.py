@@ -10,6 +10,9 @@ from shared.messaging.messages import ChannelCount, Health, Measurement, Message
 from shared.messaging.sequence import SequenceCounter
 from shared.runtime.health import source_of
 
+_MAX_PUBLISHERS = 10_000
+"""Far more than there are: whoever invents further ones is not followed."""
+
 
 @dataclass(slots=True)
 class _Publisher:
@@ -59,7 +62,11 @@ class BusCounts:
         """Notes a message that came; returns how many of its publisher's were lost just before it."""
         if not isinstance(message, Measurement):
             return 0
-        return self._of(key, source_of(message)).take(message.seq)
+        return self.took(key, source_of(message), message.seq)
+
+    def took(self, key: str, source: str, seq: int) -> int:
+        """The same of a message by its number, and who numbers it: "" where only one publisher does."""
+        return self._of(key, source).take(seq)
 
     def heard(self, health: Health) -> None:
         """Notes what a service says that it sent."""
@@ -82,6 +89,8 @@ class BusCounts:
             publisher.settle()
 
     def _of(self, key: str, source: str) -> _Publisher:
+        if (key, source) not in self._publishers and len(self._publishers) >= _MAX_PUBLISHERS:
+            return _Publisher()
         return self._publishers.setdefault((key, source), _Publisher())
 
 

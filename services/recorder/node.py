@@ -7,11 +7,12 @@ from typing import Any
 
 from services.recorder.recorder import Recorder
 from services.recorder.ros.schemas import prepare
+from services.recorder.state import RecorderState
 from shared.messaging.channels import RECORDER_CONTROL, RECORDER_STATUS, Channel, channels_of
 from shared.runtime.config import Config
 from shared.runtime.config_loading import dump_config
 from shared.runtime.exit_codes import Exit
-from shared.runtime.node import Context, Messages, Node
+from shared.runtime.node import Context, Memory, Messages, Node, Part
 
 
 def build_node(config: Config, _context: Context) -> Node:
@@ -20,7 +21,7 @@ def build_node(config: Config, _context: Context) -> Node:
     channels = channels_of(config.sensors.others)
     for channel in channels:
         prepare(channel.ros_type)  # before anything waits in the inbox
-    recorder = Recorder(config.recorder, metadata, channels)
+    recorder = Recorder(config.recorder, metadata, channels, config.bus.namespace)
     inputs: Mapping[Channel, Callable[[Any], Messages]] = {
         channel: partial(recorder.add, channel) for channel in channels if channel.is_recorded
     }
@@ -35,5 +36,8 @@ def build_node(config: Config, _context: Context) -> Node:
         is_observer=True,
         answers=(RECORDER_CONTROL,),
         num_lost=recorder.num_lost_to_disk,
+        memory=Memory(
+            {"state": Part(RecorderState, recorder.snapshot)}, lambda states: recorder.restore(states["state"])
+        ),
         exit_code=lambda: Exit.PARTIAL if recorder.has_lost else Exit.FINE,
     )

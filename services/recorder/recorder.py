@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
@@ -11,10 +11,11 @@ from services.recorder.bus_counts import BusCounts
 from services.recorder.disk import RecordingError, check_room, free_bytes
 from services.recorder.news import News
 from services.recorder.records import Record, to_record
-from services.recorder.rotation import is_repeated_in_each_file
+from services.recorder.rotation import is_repeated_in_each_file, num_files_in
 from services.recorder.run import Run
 from services.recorder.selection import Selection, problem_with
-from shared.errors import ConfigError, InputFileError, RefusedError
+from services.recorder.state import RecorderState
+from shared.errors import ConfigError, InputFileError, MessageError, RefusedError
 from shared.messaging.channels import CHANNELS, PREFIX, RECORDER_CONTROL, Channel, channel_of_key
 from shared.messaging.messages import (
     Event,
@@ -24,11 +25,13 @@ from shared.messaging.messages import (
     RecorderAction,
     RecorderControl,
     RecorderStatus,
+    Severity,
 )
 from shared.runtime.config import RecorderConfig
 from shared.runtime.run_folder import make_run_folder, new_run_name
 
 _MAX_EARLY = 1000
+_MAX_SERVICES = 1000
 _MAX_STOP_S = 10.0
 _MAX_END_S = 2.0
 """At the end of the process, which a supervisor does not wait for without end."""
@@ -40,16 +43,20 @@ class Recorder:
     and what a service says that has seen no time yet. Before any time is known such messages wait, up to a thousand of
     them, or a recording of a real sensor, whose time is that of day, would begin in 1970.
 
-    metadata: text kept at the head of each file. channels: the table, with those of further sensors.
+    metadata: text kept at the head of each file. channels: the table, with those of further sensors. robot: namespace.
 
     Raises:
         ConfigError: `config.channels` has a pattern that no key matches.
     """
 
     def __init__(
-        self, config: RecorderConfig, metadata: Mapping[str, str], channels: Iterable[Channel] = CHANNELS
+        self,
+        config: RecorderConfig,
+        metadata: Mapping[str, str],
+        channels: Iterable[Channel] = CHANNELS,
+        robot: str = "",
     ) -> None:
-        self._config, self._metadata = config, metadata
+        self._config, self._metadata, self._robot = config, metadata, robot
         self._channels = tuple(channels)
         if (problem := problem_with(config.channels, self._channels)) is not None:
             raise ConfigError([f"recorder.{problem}"])
@@ -57,10 +64,13 @@ class Recorder:
         self._bus = BusCounts()
         self._kept: dict[str, Record] = {}
         self._stamp_ns: int | None = None
-        self._waiting: list[tuple[Channel, Message, int]] = []
+        self._waiting: deque[tuple[Channel, Message, int]] = deque()
         self._num_commands: Counter[str] = Counter()
         self._num_statuses = 0
+        self._services: set[str] = set()
         self._news = News()
+        self._restored: RecorderState | None = None
+        self._wanted: tuple[str, tuple[str, ...]] = "", ()
         self.has_lost = False
 
     # ---- what a node calls
@@ -72,14 +82,48 @@ class Recorder:
             RecordingError: the disk refuses.
             InputFileError: the folder cannot be made.
         """
-        if self._config.starts:
-            self._begin(self._config.run or new_run_name(self._config), self._config.channels)
+        restored, self._restored = self._restored, None
+        if restored is not None and restored.run:
+            self._begin(restored.run, restored.channels, is_going_on=True)
+        elif restored is None and self._config.starts:
+            self._begin(self._config.run or new_run_name(self._config, self._robot), self._config.channels)
         return [self._status()]
 
+    def snapshot(self) -> RecorderState:
+        """What `restore` needs."""
+        name, patterns = self._wanted
+        return RecorderState(
+            configured=self._config.run,
+            run=name,
+            channels=patterns,
+            num_statuses=self._num_statuses,
+            has_lost=self.has_lost or bool(name),
+        )
+
+    def restore(self, state: RecorderState) -> list[Message]:
+        """The start that follows goes on with the run of a recorder that was killed, in its next file.
+
+        Raises:
+            ValueError: it was told to record another run.
+        """
+        if state.configured != self._config.run:
+            raise ValueError(f"recorder.run was '{state.configured}', is '{self._config.run}'")
+        self._restored = state
+        self._num_statuses, self.has_lost = state.num_statuses, state.has_lost
+        if not state.run:
+            return []
+        text = f"restored: goes on with run {state.run} in a new file; what was sent meanwhile is not in it"
+        return [Event(stamp_ns=0, seq=0, frame="", source="recorder", severity=Severity.WARNING, text=text)]
+
     def add(self, channel: Channel, message: Message) -> list[Message]:
-        """Records one message."""
+        """Records one message.
+
+        Raises:
+            MessageError: it has a number that its ROS type cannot hold, or it is of one service too many.
+        """
         concrete = channel.of(message.service) if isinstance(message, Health) else channel
         if isinstance(message, Health):
+            self._note_service(message.service)
             self._bus.heard(message)
         num_missed = self._bus.received(concrete.key, message)
         stamp_ns = _time_of(message)
@@ -101,6 +145,7 @@ class Recorder:
                 reason = self._run.text if self._run else ""
                 raise RefusedError(f"nothing is being recorded: {reason}" if reason else "nothing is being recorded")
             self._end(_MAX_STOP_S)
+            self._wanted = "", ()
             return self.tick()
         if self._run is not None and self._run.is_recording:
             raise RefusedError(f"{self._run.path} is being recorded: stop it first")
@@ -109,7 +154,9 @@ class Recorder:
         if control.run and not _RUN_NAME.fullmatch(control.run):
             raise RefusedError(f"run is '{control.run[:40]}', must be of letters, digits and _ . : -")
         try:
-            self._begin(control.run or new_run_name(self._config), control.channels or self._config.channels)
+            self._begin(
+                control.run or new_run_name(self._config, self._robot), control.channels or self._config.channels
+            )
         except (RecordingError, InputFileError) as error:
             raise RefusedError(str(error)) from error
         return [self._status()]
@@ -132,16 +179,26 @@ class Recorder:
             return {}
         return {PREFIX + record.key: record.num_lost_to_disk for record in self._run.records({})}
 
+    def _note_service(self, name: str) -> None:
+        """Each service is a topic of its own in the file, which holds so many."""
+        if name not in self._services and len(self._services) >= _MAX_SERVICES:
+            raise MessageError(f"{name[:40]!r} is one service too many: {_MAX_SERVICES} are recorded")
+        self._services.add(name)
+
     # ---- the run
 
-    def _begin(self, name: str, patterns: tuple[str, ...]) -> None:
+    def _begin(self, name: str, patterns: tuple[str, ...], *, is_going_on: bool = False) -> None:
         if self._run is not None:
             self._end(_MAX_STOP_S)
         folder = make_run_folder(self._config, name)
         check_room(folder, self._config.min_free_mib)
         self._bus.settle()
-        self._run = Run(self._config, folder, self._channels, Selection(patterns), self._metadata, self._kept)
+        first_file = num_files_in(folder) if is_going_on else 0
+        self._run = Run(
+            self._config, folder, self._channels, Selection(patterns), self._metadata, self._kept, first_file
+        )
         self._news = News()
+        self._wanted = name, patterns
 
     def _end(self, max_wait_s: float) -> None:
         run = self._run
@@ -159,9 +216,8 @@ class Recorder:
         )
 
     def _put_waiting(self) -> None:
-        waiting, self._waiting = self._waiting, []
-        for channel, message, num_missed in waiting:
-            self._put(channel, message, num_missed)
+        while self._waiting:  # one that is refused leaves the others
+            self._put(*self._waiting.popleft())
 
     def _put(self, channel: Channel, message: Message, num_missed: int) -> None:
         is_repeated, run = is_repeated_in_each_file(channel), self._run

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -32,14 +33,15 @@ class FileSeries:
         config: RecorderConfig,
         kept: Mapping[str, Record],
         open_file: Callable[[Path], Output] = new_file,
+        first_file: int = 0,
     ) -> None:
-        """Begins the first file. metadata: stored at the head of each. kept: by key, from before the start.
+        """Begins file number `first_file`. metadata: stored at the head of each. kept: by key, from before the start.
 
         Raises:
             RecordingError: the disk refuses, or the file exists.
         """
         self.failure = ""
-        self.num_files = 0
+        self.num_files = first_file
         self.path = folder
         self._folder, self._channels, self._metadata, self._config = folder, channels, metadata, config
         self._kept, self._open_file = dict(kept), open_file
@@ -127,7 +129,7 @@ class FileSeries:
     def _new_log(self) -> McapLog:
         config = self._config
         check_room(self._folder, config.min_free_mib)
-        path = self._folder / ("run.mcap" if self.num_files == 0 else f"run_{self.num_files:03d}.mcap")
+        path = self._folder / file_name(self.num_files)
         log = McapLog(
             self._open_file(path),
             self._channels,
@@ -163,6 +165,16 @@ class FileSeries:
             self._num_done_bytes += log.num_bytes if log else 0
             self._done.add(self._tally)
             self._log, self._tally = None, Tally()
+
+
+def file_name(number: int) -> str:
+    """Of a file of a run, counted from 0."""
+    return "run.mcap" if number == 0 else f"run_{number:03d}.mcap"
+
+
+def num_files_in(folder: Path) -> int:
+    """How many files of a run there are in a folder, up to the first that is not."""
+    return next(number for number in itertools.count() if not (folder / file_name(number)).exists())
 
 
 def is_repeated_in_each_file(channel: Channel) -> bool:

@@ -12,14 +12,15 @@ from services.recorder.run_writer import RunWriter
 from services.recorder.selection import Selection
 from shared.messaging.channels import Channel
 from shared.messaging.messages import ChannelRecord
+from shared.messaging.values import MAX_COUNT
 from shared.runtime.config import RecorderConfig
 
 
 class Run:
     """Takes the records of the chosen channels.
 
-    folder: exists. metadata: kept at the head of each file. kept: the last record
-    of channels that each file needs, by key.
+    folder: exists. metadata: kept at the head of each file. kept: the last record of channels that each file needs, by
+    key. first_file: the number of the first file, above 0 where a run goes on.
 
     Raises:
         RecordingError: the disk refuses, or the file exists.
@@ -33,6 +34,7 @@ class Run:
         selection: Selection,
         metadata: Mapping[str, str],
         kept: Mapping[str, Record],
+        first_file: int = 0,
     ) -> None:
         self.selection = selection
         self._folder = folder
@@ -43,6 +45,7 @@ class Run:
             {**metadata, "channels": " ".join(selection.patterns)},
             config,
             {key: record for key, record in kept.items() if record.channel in selection},
+            first_file=first_file,
         )
         self._writer = RunWriter(
             series, max_queue_bytes=config.max_queue_mib * 1024 * 1024, chunk_period_s=config.chunk_period_s
@@ -102,7 +105,7 @@ class Run:
         for key, channel in sorted(self._channels.items()):
             num_received = writer.num_received[key]
             num_written, num_lost = progress.get(key, (0, 0))
-            num_missed = writer.num_missed[key] + outstanding.get(key, 0)
+            num_missed = min(writer.num_missed[key] + outstanding.get(key, 0), MAX_COUNT - num_received)
             records.append(
                 ChannelRecord(
                     key=key,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -20,13 +21,13 @@ _ROOM = """<robot name="s"><link name="world">
 </link></robot>"""
 
 
-def load_lidar(sensor: LidarConfig, seed: int, name: str = "lidar") -> LidarScanner:
+def load_lidar(sensor: LidarConfig, seed: int, name: str = "lidar", other_robots: Sequence[str] = ()) -> LidarScanner:
     """The LiDAR with its table of beams.
 
     Raises:
         InputFileError: the table is not usable.
     """
-    return LidarScanner(sensor, read_beams(sensor.beams, sensor.num_columns), seed, name)
+    return LidarScanner(sensor, read_beams(sensor.beams, sensor.num_columns), seed, name, other_robots)
 
 
 def sensor_seed(seed: int, name: str) -> int:

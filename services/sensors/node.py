@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -36,12 +37,14 @@ def build_node(name: str, config: Config, context: Context) -> Node:
         raise ConfigError([f"sensors: no sensor '{name}'; configured are {', '.join(config.sensors.named())}"])
     warm_up(sensor)
     seed = sensor_seed(config.seed, name)
+    others = config.sensors.other_robots
     facade: LidarScanner | DepthCamera
     if isinstance(sensor, LidarConfig):
-        facade = load_lidar(sensor, seed, name)
+        facade = load_lidar(sensor, seed, name, others)
     else:
         points = DEPTH_POINTS.of_sensor(name)
-        facade = DepthCamera(sensor, seed, lambda: context.is_wanted(points), name)  # the runner lends it later
+        wants_points = lambda: context.is_wanted(points)  # noqa: E731 - the runner lends it later
+        facade = DepthCamera(sensor, seed, wants_points, name, others)
     imu_rng = np.random.default_rng(sensor_seed(config.seed, f"{name}/imu"))
     imu = InertialUnit(sensor.imu, sensor.frame, imu_rng, config.sim.dynamics.gravity_mps2)
     return Node(
@@ -50,6 +53,8 @@ def build_node(name: str, config: Config, context: Context) -> Node:
             ROBOT_DESCRIPTION: facade.set_robot,
             STRUCTURE_DESCRIPTION: facade.set_structure,
             TF: _feeding(facade, imu, sensor.frame),
+            **{ROBOT_DESCRIPTION.of_robot(other): partial(facade.set_other, other) for other in others},
+            **{TF.of_robot(other): partial(facade.place_other, other) for other in others},
         },
         outputs=sensor_channels(name),
     )

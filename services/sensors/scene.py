@@ -21,7 +21,8 @@ class Scene:
     vertices_m (V, 3): of all faces, each in its link's frame; face k has those from starts[k] to starts[k + 1].
     starts (F + 1,). shape (F,): number of the shape the face belongs to. face (F,): which one of it, see
     `shared.meshes.faces_of`. shape_link (M,): number of the link each shape is fixed to, in `links`. is_convex (M,):
-    whether the faces of a shape bound one convex body. materials: of the shapes.
+    whether the faces of a shape bound one convex body. materials: of the shapes. members (M,): the number by which the
+    ground truth calls each.
     """
 
     links: tuple[str, ...]
@@ -33,6 +34,12 @@ class Scene:
     is_convex: NDArray[np.bool_]
     materials: tuple[str, ...]
     names: tuple[str, ...]
+    members: Ints
+
+    @property
+    def member_of_face(self) -> Ints:
+        """(F,): what the ground truth calls the shape of each face."""
+        return self.members[self.shape]
 
     @property
     def num_faces(self) -> int:
@@ -40,8 +47,11 @@ class Scene:
         return len(self.shape)
 
 
-def scene_of(shapes: Sequence[Shape]) -> Scene:
-    """The scene of these shapes, numbered in their order. A shape without a name of its own goes by its link's."""
+def scene_of(shapes: Sequence[Shape], members: Sequence[int] | None = None) -> Scene:
+    """The scene of these shapes, numbered in their order. A shape without a name of its own goes by its link's.
+
+    members: what the ground truth calls the shapes; by default by their numbers.
+    """
     parts = [polygons_of(shape.solid) for shape in shapes]
     vertices_m = [shape.T_link_shape.apply(part.vertices_m) for shape, part in zip(shapes, parts, strict=True)]
     links = tuple(dict.fromkeys(shape.link for shape in shapes))
@@ -57,4 +67,5 @@ def scene_of(shapes: Sequence[Shape]) -> Scene:
         is_convex=np.array([part.is_convex for part in parts], dtype=np.bool_),
         materials=tuple(shape.material for shape in shapes),
         names=tuple(shape.name or shape.link for shape in shapes),
+        members=np.array(range(len(shapes)) if members is None else members, dtype=np.int32),
     )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from services.sensors.other_robots import OtherRobots
 from services.sensors.rays.interface import Poses
 from services.sensors.scene import Scene, scene_of
 from shared.errors import InputFileError, MessageError
@@ -16,16 +18,25 @@ from shared.messaging.messages import RobotDescription, StructureDescription, Tr
 from shared.robot.description import Shape
 from shared.robot.urdf import parse_urdf
 
+MEMBERS_A_ROBOT = 1_000_000
+"""The ground truth numbers the visuals of the first other robot from here on, those of the second from twice this."""
+
 
 class Surroundings:
-    """The structure's shapes, then the robot's, as one scene. None until both descriptions are known.
+    """The structure's shapes, then the robot's, then other robots', as one scene. None until the first two are known.
 
     frame: the sensor's, a link of the robot. sees_robot: whether the robot's shapes belong to the scene. sensor_name:
-    for messages to people. on_scene: called with each new scene.
+    for messages to people. other_robots: their names. on_scene: called with each new scene.
     """
 
     def __init__(
-        self, frame: str, *, sees_robot: bool, sensor_name: str, on_scene: Callable[[Scene], None] | None = None
+        self,
+        frame: str,
+        *,
+        sees_robot: bool,
+        sensor_name: str,
+        other_robots: Sequence[str] = (),
+        on_scene: Callable[[Scene], None] | None = None,
     ) -> None:
         self._frame = frame
         self._sees_robot = sees_robot
@@ -33,12 +44,14 @@ class Surroundings:
         self._on_scene = on_scene
         self._robot: tuple[Shape, ...] | None = None
         self._structure: tuple[Shape, ...] | None = None
+        self._others = OtherRobots(other_robots)
         self.scene: Scene | None = None
 
     @property
-    def num_structure_shapes(self) -> int:
-        """Shapes of the scene from this number on are the robot's."""
-        return 0 if self._structure is None else len(self._structure)
+    def own_shapes(self) -> slice:
+        """Which shapes of the scene are the robot's own."""
+        start = len(self._structure or ())
+        return slice(start, start + len(self._robot or ()))
 
     def set_robot(self, description: RobotDescription) -> None:
         """Takes the robot's visible shapes.
@@ -67,6 +80,28 @@ class Surroundings:
         self._structure = tuple(replace(shape, link=description.frame) for shape in model.shapes)
         self._set_scene()
 
+    def set_other(self, name: str, description: RobotDescription) -> None:
+        """Takes the visible shapes of another robot.
+
+        Raises:
+            InputFileError: the URDF is malformed.
+        """
+        self._others.set_robot(name, description)
+        self._set_scene()
+
+    def place_other(self, name: str, transforms: Transforms) -> None:
+        """Takes where another robot is.
+
+        Raises:
+            MessageError: they do not begin at `world`, or leave out a link that can be seen.
+        """
+        if self._others.place(name, transforms):
+            self._set_scene()
+
+    def joined(self, transforms: Transforms) -> Transforms:
+        """The robot's transforms, and with them where the other robots of the scene are."""
+        return self._others.joined(transforms)
+
     def poses(self, transforms: Sequence[Transforms], stamps_ns: ArrayLike, num_blocks: int = 1) -> Poses:
         """Where the sensor is at each of N times and the scene's links are in the middle of each block of them.
 
@@ -93,7 +128,11 @@ class Surroundings:
     def _set_scene(self) -> None:
         if self._robot is None or self._structure is None:
             return
-        self.scene = scene_of((*self._structure, *self._robot))
+        others = self._others.shapes
+        members = list(range(len(self._structure) + len(self._robot)))
+        for number, shapes in enumerate(others, start=1):
+            members += range(number * MEMBERS_A_ROBOT, number * MEMBERS_A_ROBOT + len(shapes))
+        self.scene = scene_of((*self._structure, *self._robot, *itertools.chain(*others)), members)
         if self._on_scene is not None:
             self._on_scene(self.scene)
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.sim.motion import JointMotion
+from services.sim.state import BodyState
 from shared.geometry import SE3
 from shared.messaging.messages import Foot
 
@@ -66,6 +67,12 @@ class Body(Protocol):
 
     def reset(self) -> None:
         """Back to the initial place and posture, at rest."""
+
+    def snapshot(self) -> BodyState:
+        """What `restore` needs."""
+
+    def restore(self, state: BodyState, stamp_ns: int) -> None:
+        """Takes a place, a posture and holds over, at rest."""
 
     def close(self) -> None:
         """Ends the engine; nothing else may be called afterwards."""

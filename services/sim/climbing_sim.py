@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable
 from typing import Any, TypeVar
 
 import numpy as np
 
 from services.sim.actuation import actuator_geometry, actuator_motion
-from services.sim.body import Body
-from services.sim.dynamic_body import DynamicBody
+from services.sim.building import build_body, check_robot, generators
 from services.sim.encoders import Encoders
-from services.sim.kinematic_body import KinematicBody
-from services.sim.link_tree import WORLD_FRAME, LinkTree
+from services.sim.link_tree import FIXED_FOOT_FRAME, WORLD_FRAME, LinkTree
 from services.sim.motion import JointMotion, plan_motion
+from services.sim.numbering import Numbering
 from services.sim.sim_time import SimTime
 from services.sim.slip import Slip
+from services.sim.state import SimState
 from services.sim.stroke_watch import StrokeWatch
 from services.sim.targets import resolve_actuators, resolve_joints
 from services.sim.vigil import Vigil
-from shared.climbing.steel import SteelSurface
-from shared.errors import InputFileError, RefusedError
-from shared.geometry import SE3, Float
+from shared.errors import RefusedError
+from shared.geometry import Float
 from shared.messaging.messages import (
     JOINT_NAMES,
     ActuatorState,
@@ -45,8 +43,6 @@ from shared.messaging.messages import (
     Transforms,
 )
 from shared.robot.actuators import actuators_from_joints
-from shared.robot.description import UrdfModel
-from shared.robot.kinematics import FOOT_LINKS
 from shared.robot.limits import joint_bounds
 from shared.robot.urdf import parse_urdf
 from shared.runtime.config import SimConfig
@@ -54,9 +50,6 @@ from shared.world.structure import Structure
 from shared.world.urdf_format import structure_urdf
 
 M = TypeVar("M", bound=Measurement)
-
-FIXED_FOOT_FRAME = "fixed_foot"
-"""Follows the plate of whichever foot is fixed."""
 
 _DEAF_NS = 200_000_000
 """Targets that come so soon after a stop were sent before their commander knew of it."""
@@ -87,7 +80,7 @@ class ClimbingSim:
         source: str = "robot URDF",
     ) -> None:
         model = parse_urdf(urdf_text, source)
-        _check_robot(model, source)
+        check_robot(model, source)
         self._config = config
         self._urdf_text, self._mark_text, self._structure = urdf_text, mark_text, structure
         self._lower, self._upper = joint_bounds(model)
@@ -96,11 +89,11 @@ class ClimbingSim:
         self._actuators = actuator_geometry(config.actuators)
         self._strokes = StrokeWatch(self._actuators)
         self._time = SimTime(config.rate_hz, config.real_time_factor)
-        self._num_sent: Counter[type[Measurement]] = Counter()
-        encoder_rng, slip_rng = _generators(seed)
+        self._numbering = Numbering()
+        encoder_rng, slip_rng = generators(seed)
         self._encoders = Encoders(config.encoders, encoder_rng)
         self._slip = Slip(config.slip, slip_rng)
-        self._body = _build_body(config, urdf_text, model, structure, self._slip)
+        self._body = build_body(config, urdf_text, model, structure, self._slip)
         self._tree = LinkTree(model, self._body.links)
         self._vigil = Vigil()
         self._deaf_until_ns = 0
@@ -111,8 +104,37 @@ class ClimbingSim:
         """How often a second `step` is due on the wall's clock."""
         return self._time.wall_hz
 
+    def snapshot(self) -> SimState:
+        """What `restore` needs."""
+        return SimState(
+            time=self._time.snapshot(),
+            body=self._body.snapshot(),
+            num_sent=self._numbering.snapshot(),
+            slides=self._slides.at(self._time.stamp_ns)[0],
+            bias=self._encoders.bias,
+            encoder_rng=self._encoders.rng_text,
+            slip_rng=self._slip.rng_text,
+            deaf_until_ns=self._deaf_until_ns,
+        )
+
+    def restore(self, state: SimState) -> list[Message]:
+        """Goes on where another was killed, a period later, so that no stamp is told twice, and at rest.
+
+        Raises:
+            ValueError: it is no state of this simulation.
+        """
+        self._encoders.restore(state.bias, state.encoder_rng)
+        self._slip.restore(state.slip_rng)
+        self._numbering.restore(state.num_sent)
+        self._time.restore(state.time)
+        self._body.restore(state.body, self._time.stamp_ns)
+        self._deaf_until_ns = state.deaf_until_ns
+        self._stop(state.slides)
+        where = f"foot {state.body.fixed_foot.value} is fixed, the joints stand where they were"
+        return [*self._events([f"restored at {self._time.stamp_ns / 1e9:.2f} s: {where}"])]
+
     def start(self) -> list[Message]:
-        """The descriptions and the first states, at time zero."""
+        """The descriptions and the first states: at time zero, or where it goes on."""
         robot = self._stamped(RobotDescription, self._tree.root, urdf=self._urdf_text)
         mark = self._stamped(FixedFootDescription, FIXED_FOOT_FRAME, urdf=self._mark_text)
         structure = self._stamped(StructureDescription, WORLD_FRAME, urdf=structure_urdf(self._structure))
@@ -193,7 +215,7 @@ class ClimbingSim:
 
     def _reseed(self, seed: int) -> None:
         """New noise, and new biases: the joints stop where they are, which the drives now know as another place."""
-        encoder_rng, slip_rng = _generators(seed)
+        encoder_rng, slip_rng = generators(seed)
         self._encoders = Encoders(self._config.encoders, encoder_rng)
         self._slip.reseed(slip_rng)
         self._halt()
@@ -273,26 +295,4 @@ class ClimbingSim:
         return [self._stamped(Event, "", source="sim", severity=severity, text=text) for text in texts]
 
     def _stamped(self, kind: type[M], frame: str, **fields: Any) -> M:
-        seq = self._num_sent[kind]
-        self._num_sent[kind] += 1
-        return kind(stamp_ns=self._time.stamp_ns, seq=seq, frame=frame, **fields)
-
-
-def _generators(seed: int) -> list[np.random.Generator]:
-    """One each for the encoders and the slips, so that neither's draws disturb the other's."""
-    return np.random.default_rng(seed).spawn(2)
-
-
-def _build_body(config: SimConfig, urdf_text: str, model: UrdfModel, structure: Structure, slip: Slip) -> Body:
-    T_world_foot = SE3.from_rpy(np.deg2rad(config.initial_foot_rpy_deg), config.initial_foot_xyz_m)
-    if config.mode == "dynamic":
-        return DynamicBody(urdf_text, model, structure, config, T_world_foot, slip)
-    return KinematicBody(urdf_text, model, SteelSurface(structure), config, T_world_foot, slip)
-
-
-def _check_robot(model: UrdfModel, source: str) -> None:
-    for what, has, needs in (("joints", model.limits, JOINT_NAMES), ("links", model.links, FOOT_LINKS.values())):
-        if missing := [name for name in needs if name not in has]:
-            raise InputFileError(f"{source}: {what} {', '.join(missing)} are missing; it has {', '.join(has)}")
-    if extra := [name for name in model.limits if name not in JOINT_NAMES]:
-        raise InputFileError(f"{source}: unknown joints {', '.join(extra)}; only {', '.join(JOINT_NAMES)} may move")
+        return self._numbering.stamped(kind, self._time.stamp_ns, frame, **fields)

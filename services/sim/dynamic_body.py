@@ -11,6 +11,7 @@ from services.sim.motion import JointMotion
 from services.sim.physics import Physics
 from services.sim.setpoint import Setpoint
 from services.sim.slip import Slip
+from services.sim.state import BodyState
 from shared.climbing.steel import SteelSurface
 from shared.geometry import SE3
 from shared.messaging.messages import JOINT_NAMES, Foot
@@ -54,18 +55,44 @@ class DynamicBody:
         self._slip = slip
         self.links = self._physics.engine.links
         self.effort: Joints | None = None
+        self._fixed_foot: Foot
+        self._wrenches: dict[Foot, NDArray[np.float64]]
+        self._hold_poses: dict[Foot, SE3]
+        self._path: list[SE3]
+        self._release_ns: int | None
+        self._news: list[str]
         self.reset()
 
     def reset(self) -> None:
         """Back to the initial place, all joints at zero, the initial foot holding if there is steel below it."""
-        self._fixed_foot, T_world_foot = self._initial
-        self._physics.place(self._fixed_foot, T_world_foot)
-        self._setpoint.reset(np.zeros(len(JOINT_NAMES)))
-        self._wrenches: dict[Foot, NDArray[np.float64]] = {}
-        self._hold_poses: dict[Foot, SE3] = {}
-        self._path: list[SE3] = []
-        self._release_ns: int | None = None
+        self._place(*self._initial, np.zeros(len(JOINT_NAMES)))
         self._news = self._take_hold(self._fixed_foot, SE3.identity())
+        self._read_joints()
+
+    def snapshot(self) -> BodyState:
+        """Where the feet are held, or the fixed one is, and the joints."""
+        held = self._hold_poses
+        T_world_foot = held.get(self._fixed_foot) or self.T_world_foot
+        return BodyState(
+            q=self.q,
+            fixed_foot=self._fixed_foot,
+            T_world_foot=T_world_foot.matrix,
+            holding=tuple(held),
+            T_world_held=np.array([pose.matrix for pose in held.values()]).reshape(-1, 4, 4),
+            is_changing=self._release_ns is not None,
+        )
+
+    def restore(self, state: BodyState, stamp_ns: int) -> None:
+        """Stands there at rest, held as before; a change of foot that was under way goes on, a fall begins anew."""
+        self._place(state.fixed_foot, SE3.from_matrix(state.T_world_foot), state.q)
+        for foot, pose in zip(state.holding, state.T_world_held, strict=True):
+            self._hold(foot, SE3.from_matrix(pose))
+        self._T_foot_slipped = SE3.identity()
+        if state.is_changing:
+            self._release_ns = stamp_ns + self._overlap_ns
+        elif self._fixed_foot in self._hold_poses:
+            self._draw_flush(self._fixed_foot)
+        self._news = []
         self._read_joints()
 
     def resting_q(self) -> Joints:
@@ -128,6 +155,13 @@ class DynamicBody:
     def close(self) -> None:
         """Ends the engine."""
         self._physics.engine.close()
+
+    def _place(self, foot: Foot, T_world_foot: SE3, q: Joints) -> None:
+        """At rest, nothing held."""
+        self._fixed_foot = foot
+        self._physics.place(foot, T_world_foot, q)
+        self._setpoint.reset(q)
+        self._wrenches, self._hold_poses, self._path, self._release_ns = {}, {}, [], None
 
     def _take_hold(self, foot: Foot, T_foot_slipped: SE3) -> list[str]:
         T_world_foot = self._physics.T_world_foot(foot)

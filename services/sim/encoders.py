@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from services.sim.state import rng_text, set_rng
 from shared.messaging.messages import JOINT_NAMES
 from shared.runtime.config import EncoderConfig
 
@@ -25,3 +26,17 @@ class Encoders:
     def read(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """Measured positions (8,) of true ones, radians and metres; exact where nothing is configured."""
         return q + self.bias + self._noise * self._rng.standard_normal(len(q))
+
+    @property
+    def rng_text(self) -> str:
+        """The state of the noise."""
+        return rng_text(self._rng)
+
+    def restore(self, bias: NDArray[np.float64], text: str) -> None:
+        """Goes on with the bias (8,) and the state of the noise of others.
+
+        Raises:
+            ValueError: the text is no such state.
+        """
+        set_rng(self._rng, text)
+        self.bias = bias

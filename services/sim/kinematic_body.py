@@ -10,6 +10,7 @@ from services.sim.engine import Engine
 from services.sim.magnet import Magnet
 from services.sim.motion import JointMotion
 from services.sim.slip import Slip
+from services.sim.state import BodyState
 from shared.climbing.holding import Holding
 from shared.climbing.steel import SteelSurface
 from shared.geometry import SE3
@@ -96,6 +97,26 @@ class KinematicBody:
     def poses(self) -> NDArray[np.float64]:
         """T_world_link (L, 7) of every link."""
         return self._engine.poses()
+
+    def snapshot(self) -> BodyState:
+        """Where the fixed foot is, and the joints."""
+        T_world_foot = self.T_world_foot.matrix
+        return BodyState(
+            q=self.q,
+            fixed_foot=self._fixed_foot,
+            T_world_foot=T_world_foot,
+            holding=(self._fixed_foot,),
+            T_world_held=T_world_foot[np.newaxis],
+            is_changing=False,
+        )
+
+    def restore(self, state: BodyState, _stamp_ns: int) -> None:
+        """Stands there, to 1e-9 m."""
+        self._fixed_foot = state.fixed_foot
+        T_world_foot = SE3.from_matrix(state.T_world_foot)
+        self._T_world_held = T_world_foot @ HYRECRO.T_link_foot(self._fixed_foot).inv()
+        self.q, self.dq = state.q, np.zeros(len(JOINT_NAMES))
+        self._place()
 
     def close(self) -> None:
         """Ends the engine."""

@@ -8,6 +8,8 @@ from services.sim.poses import Poses, composed_poses, inverse_poses
 from shared.robot.description import UrdfModel
 
 WORLD_FRAME = "world"
+FIXED_FOOT_FRAME = "fixed_foot"
+"""Follows the plate of whichever foot is fixed."""
 
 
 class LinkTree:

@@ -1,6 +1,7 @@
 """Wiring of the simulation."""
 
 from services.sim.climbing_sim import ClimbingSim
+from services.sim.state import SimState
 from shared.messaging.channels import (
     ACTUATORS_STATE,
     ACTUATORS_TARGET,
@@ -19,7 +20,7 @@ from shared.messaging.channels import (
 from shared.robot.configured import robot_urdf
 from shared.robot.urdf import read_urdf
 from shared.runtime.config import Config
-from shared.runtime.node import Context, Messages, Node
+from shared.runtime.node import Context, Memory, Messages, Node, Part
 from shared.world.files import load_structure
 
 
@@ -70,4 +71,5 @@ def build_node(config: Config, _context: Context) -> Node:
         on_timer=sim.step,
         on_stop=stop,
         timer_hz=lambda: sim.wall_hz,
+        memory=Memory({"state": Part(SimState, sim.snapshot)}, lambda states: sim.restore(states["state"])),
     )

@@ -129,12 +129,13 @@ class Physics:
             self._loads[foot].clear()
         return wrenches
 
-    def place(self, foot: Foot, T_world_foot: SE3) -> None:
-        """Puts the robot there at rest, all joints at zero, no foot held."""
+    def place(self, foot: Foot, T_world_foot: SE3, q: NDArray[np.float64] | None = None) -> None:
+        """Puts the robot there at rest, its joints at q (8,), by default all at zero, no foot held."""
         for each in Foot:
             self.release(each)
         zero = np.zeros(len(JOINT_NAMES))
-        self.engine.place(zero, zero, FOOT_LINKS[foot], T_world_foot @ HYRECRO.T_link_foot(foot).inv())
+        T_world_link = T_world_foot @ HYRECRO.T_link_foot(foot).inv()
+        self.engine.place(zero if q is None else q, zero, FOOT_LINKS[foot], T_world_link)
         pybullet.resetBaseVelocity(self._robot, (0, 0, 0), (0, 0, 0), **self._client)
 
     def _sole_in_mass_frame(self, foot: Foot) -> SE3:

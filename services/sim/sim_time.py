@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from services.sim.state import TimeState
 from shared.errors import RefusedError
 from shared.messaging.messages import SimAction, SimControl
 
@@ -37,6 +38,20 @@ class SimTime:
     def real_time_factor(self) -> float:
         """Wanted seconds of simulated time a second; 0 while it is paused."""
         return 0.0 if self._is_paused else self._factor
+
+    def snapshot(self) -> TimeState:
+        """What `restore` needs."""
+        return TimeState(
+            num_periods=self._num_periods,
+            num_single=self._num_single,
+            is_paused=self._is_paused,
+            factor=self._factor,
+        )
+
+    def restore(self, state: TimeState) -> None:
+        """Goes on one period later."""
+        self._num_periods, self._num_single = state.num_periods + 1, state.num_single
+        self._is_paused, self._factor = state.is_paused, state.factor
 
     def advance(self) -> tuple[int, int] | None:
         """Goes on by one period, if it runs or single steps are left: the stamps before and after it."""

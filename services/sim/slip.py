@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from services.sim.state import rng_text, set_rng
 from shared.geometry import SE3
 from shared.runtime.config import SlipConfig
 
@@ -18,6 +19,19 @@ class Slip:
     def reseed(self, rng: np.random.Generator) -> None:
         """Goes on with other noise."""
         self._rng = rng
+
+    @property
+    def rng_text(self) -> str:
+        """The state of the noise."""
+        return rng_text(self._rng)
+
+    def restore(self, text: str) -> None:
+        """Goes on from a state of the noise.
+
+        Raises:
+            ValueError: the text is no such state.
+        """
+        set_rng(self._rng, text)
 
     def next(self) -> SE3:
         """T_foot_slipped: how the foot moves, in its own frame; it stays in the plane of its sole."""

@@ -13,6 +13,7 @@ import numpy as np
 import viser
 
 from services.teleop import presses as p
+from services.teleop.origins import only_from, origins_of
 from services.teleop.panels import Panels
 from services.teleop.scene import Scene, T_world_map_of
 from services.teleop.sliders import JointScale
@@ -51,7 +52,7 @@ class Page:
         host, port = config.teleop.host, config.teleop.port
         _refuse_taken(host, port)
         self._presses: deque[p.Presses] = deque(maxlen=_MAX_PRESSES)
-        with contextlib.redirect_stdout(io.StringIO()):  # it prints a box
+        with contextlib.redirect_stdout(io.StringIO()), only_from(origins_of(config.teleop)):  # it prints a box
             self._server = viser.ViserServer(host=host, port=port, label="HyReCRo", verbose=False)
         self._is_closed = threading.Event()
         self._silence_s = config.teleop.silence_s

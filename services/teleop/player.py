@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-from shared.runtime.children import end_with_parent
+from shared.runtime.children import ending_with_parent
 from shared.runtime.exit_codes import Exit
 
 _STOP_TIMEOUT_S = 5.0
@@ -77,7 +77,7 @@ class PlayerProcess:
             stdout=subprocess.DEVNULL,
             stderr=complaints,
             start_new_session=True,
-            preexec_fn=end_with_parent,
+            preexec_fn=ending_with_parent(),
         )
         return _Run(name, process, complaints)
 

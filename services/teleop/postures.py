@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from shared.errors import InputFileError
+from shared.files import read_text
 from shared.geometry import Float
 from shared.messaging.messages import JOINT_NAMES
 from shared.robot.limits import JOINT_UNITS, beyond_limits
@@ -23,8 +24,8 @@ def read_postures(path: Path, lower: Float, upper: Float) -> dict[str, Float]:
         InputFileError: with file, line and rule, for the first row that is not usable.
     """
     try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        rows = list(csv.reader(read_text(path).splitlines()))
+    except csv.Error as error:
         raise InputFileError(f"{path}: {error}") from error
     if not rows or tuple(cell.strip() for cell in rows[0]) != _HEADER:
         raise InputFileError(f"{path}:1: the header must be {','.join(_HEADER)}")

@@ -4,42 +4,53 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 import zenoh
 
-from shared.errors import BusError, RefusedError
-from shared.messaging.channels import ALIVE, PUBLISHED, Channel, Delivery
+from shared.errors import BusError, ConfigError, RefusedError
+from shared.messaging.channels import ALIVE, PREFIX, PUBLISHED, Channel, Delivery
 from shared.messaging.codec import MIME, decode, encode, schema_of
+from shared.messaging.credentials import SECURE_ROUTER, WHY_REFUSED, credential_of, router_settings
 from shared.messaging.inbox import Inbox, Parcel
 from shared.messaging.messages import Message
+from shared.messaging.queues import BATCH_BYTES, ROUTER_RUNTIME, queues_of_client, queues_of_router
 from shared.runtime.config import BusConfig
+from shared.runtime.roles import OPERATOR
 
 M = TypeVar("M", bound=Message)
 
-_DROP_AFTER_US = 50_000
-"""How long a LATEST message may wait for room on its link before it is dropped: half a LiDAR period."""
-_QUEUE_BATCHES = 16
-"""Zenoh's largest queue of a link, in batches of 64 KiB; its default is 2."""
 _QUERY_TIMEOUT_S = 2.0
+_RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
+"""How often a router that went away is tried again; Zenoh's own first try is after a second."""
+_SHARED_MEMORY = "transport/shared_memory/transport_optimization"
 
 
 class Bus:
-    """A session that talks in channels and messages.
+    """A session that talks in channels and messages. `name` says whose credential a secure bus is shown.
 
     Raises:
-        BusError: the router at `config.endpoint` cannot be reached within `connect_timeout_s`.
+        BusError: the router at `config.endpoint` cannot be reached within `connect_timeout_s`, or does not let us in.
+        ConfigError: the credential cannot be used.
     """
 
-    def __init__(self, config: BusConfig, *, is_stopping: Callable[[], bool] = lambda: False) -> None:
+    def __init__(
+        self, config: BusConfig, *, name: str = OPERATOR, is_stopping: Callable[[], bool] = lambda: False
+    ) -> None:
+        settings = _client_settings(config, name)
         _wait_for_router(config, is_stopping)
         try:
-            self._session = zenoh.open(_client_settings(config))
+            self._session = zenoh.open(settings)
         except zenoh.ZError as error:
-            raise BusError(f"cannot open a session on {config.endpoint}: {error}") from error
+            reason = error if config.credentials is None else WHY_REFUSED
+            raise BusError(f"cannot open a session on {config.endpoint}: {reason}") from error
+        self._config, self._name = config, name
+        self._open_session: zenoh.Session | None = None
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._kept: dict[str, tuple[bytes, str]] = {}
         self._declared: list[Any] = []
@@ -54,19 +65,21 @@ class Bus:
             channel.key_expr,
             encoding=f"{MIME};{schema_of(channel.message)}",
             congestion_control=congestion.DROP if is_latest else congestion.BLOCK,
+            priority=_priority(channel),
         )
-        self._hold(PUBLISHED.replace("**", channel.key))
         if channel.is_kept:
             self._declared.append(
                 self._session.declare_queryable(channel.key_expr, lambda query: self._answer_kept(channel, query))
             )
+        self._hold(PUBLISHED.replace("**", channel.key))  # last: who sees it asks
 
-    def publish(self, channel: Channel, message: Message) -> None:
-        """Sends a message on an advertised channel."""
+    def publish(self, channel: Channel, message: Message) -> int:
+        """Sends a message on an advertised channel; returns how many bytes it has."""
         payload = encode(message)
         if channel.is_kept:  # first, or a late joiner's question could fall between the two
             self._kept[channel.key] = (payload, f"{MIME};{schema_of(channel.message)}")
         self._publishers[channel.key].put(payload)
+        return len(payload)
 
     def is_wanted(self, channel: Channel) -> bool:
         """Whether anybody subscribes to an advertised channel now."""
@@ -77,13 +90,16 @@ class Bus:
     def subscribe(self, channel: Channel, inbox: Inbox, *, is_observer: bool = False) -> None:
         """Lets what comes on the channel into the inbox: messages, commands as queries, and the last kept message.
 
+        A publisher of a kept channel is asked for it when it is seen: at once, when it comes later, and when the router
+        is back that was away.
         is_observer: commands that come as queries are seen, but their answer is left to who carries them out.
         """
 
         def on_sample(sample: zenoh.Sample) -> None:
             inbox.put(_parcel(channel, str(sample.key_expr), sample.payload, sample.encoding))
 
-        self._declared.append(self._session.declare_subscriber(channel.key_expr, on_sample))
+        session = self._session_for(channel)
+        self._declared.append(session.declare_subscriber(channel.key_expr, on_sample))
         if channel.is_command:
             self._declared.append(
                 self._session.declare_queryable(
@@ -91,14 +107,13 @@ class Bus:
                     lambda query: _take_query(channel, query, inbox, is_observer=is_observer),
                 )
             )
-        if channel.is_kept and channel.delivery is Delivery.EVERY:
-
-            def on_reply(reply: zenoh.Reply) -> None:
-                if (sample := reply.ok) is not None:
-                    key = str(sample.key_expr)
-                    inbox.put(_parcel(channel, key, sample.payload, sample.encoding, is_replay=True))
-
-            self._session.get(channel.key_expr, on_reply, timeout=_QUERY_TIMEOUT_S)
+        if channel.is_kept:
+            token = channel.key_expr.replace(PREFIX, PUBLISHED.removesuffix("**"))
+            self._declared.append(
+                session.liveliness().declare_subscriber(
+                    token, lambda seen: self._ask_kept(channel, seen, inbox), history=True
+                )
+            )
 
     def announce(self, name: str) -> None:
         """Holds the liveliness token of this service until the bus is closed."""
@@ -112,7 +127,7 @@ class Bus:
         Raises:
             CodecError: the answer is not such a message.
         """
-        for reply in self._session.get(channel.key_expr, timeout=timeout_s):
+        for reply in self._session.get(channel.key_expr, priority=_priority(channel), timeout=timeout_s):
             if (sample := reply.ok) is not None:
                 return decode(message_type, sample.payload.to_bytes(), schema=_schema(sample.encoding))
         return None
@@ -124,11 +139,15 @@ class Bus:
             RefusedError: with the reason the robot gives.
             BusError: nobody answers.
         """
-        for reply in self._session.get(channel.key_expr, payload=encode(message), timeout=timeout_s):
+        replies = self._session.get(
+            channel.key_expr, payload=encode(message), priority=_priority(channel), timeout=timeout_s
+        )
+        for reply in replies:
             if (refusal := reply.err) is not None:
                 raise RefusedError(refusal.payload.to_string())
             return
-        raise BusError(f"nobody answers on {channel.key_expr}: is the simulation running?")
+        hint = " Or may this credential not command?" if self._config.credentials is not None else ""
+        raise BusError(f"nobody answers on {channel.key_expr}: is the simulation running?{hint}")
 
     def alive(self, timeout_s: float = _QUERY_TIMEOUT_S) -> set[str]:
         """Names of the services that are ready now."""
@@ -145,14 +164,25 @@ class Bus:
                 declared.undeclare()
         self._declared.clear()
         self._publishers.clear()
-        if not self._session.is_closed():
-            self._session.close()  # type: ignore[no-untyped-call]
+        for session in (self._session, self._open_session):
+            if session is not None and not session.is_closed():
+                session.close()  # type: ignore[no-untyped-call]
 
     def __enter__(self) -> Bus:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _session_for(self, channel: Channel) -> zenoh.Session:
+        """Our own, or for another robot's channels one without namespace: a namespace hears nothing from outside."""
+        if not (channel.robot and self._config.namespace):
+            return self._session
+        if self._open_session is None:
+            self._open_session = zenoh.open(
+                _client_settings(self._config.model_copy(update={"namespace": ""}), self._name)
+            )
+        return self._open_session
 
     def _hold(self, token: str) -> None:
         self._declared.append(self._session.liveliness().declare_token(token))
@@ -162,6 +192,18 @@ class Bus:
         replies = self._session.liveliness().get(stem + "**", timeout=timeout_s)
         return {str(reply.ok.key_expr).partition(stem)[2] for reply in replies if reply.ok is not None}
 
+    def _ask_kept(self, channel: Channel, token: zenoh.Sample, inbox: Inbox) -> None:
+        def on_reply(reply: zenoh.Reply) -> None:
+            if (sample := reply.ok) is not None:
+                key = str(sample.key_expr)
+                inbox.put(_parcel(channel, key, sample.payload, sample.encoding, is_replay=True))
+
+        if token.kind == zenoh.SampleKind.PUT:
+            key = str(token.key_expr).replace(PUBLISHED.removesuffix("**"), PREFIX)
+            with contextlib.suppress(zenoh.ZError):  # the session is being closed
+                session = self._session_for(channel)
+                session.get(key, on_reply, priority=_priority(channel), timeout=_QUERY_TIMEOUT_S)
+
     def _answer_kept(self, channel: Channel, query: zenoh.Query) -> None:
         with query:
             if (kept := self._kept.get(channel.key)) is not None:
@@ -169,18 +211,26 @@ class Bus:
 
 
 @contextlib.contextmanager
-def open_router(endpoint: str) -> Iterator[None]:
+def open_router(endpoint: str, *, credentials: Path | None = None, peers: Sequence[str] = ()) -> Iterator[None]:
     """A Zenoh router inside this process, listening on `endpoint` alone.
 
+    peers: endpoints of other hosts' routers, which it joins as soon as they run, and again after each cut.
+    credentials: the folder of `hyrecro certs new`, for a router that asks everyone who they are.
+
     Raises:
-        BusError: the endpoint is taken or not valid.
+        BusError: the endpoint is taken or not valid. ConfigError: the credentials cannot be used.
     """
-    settings = zenoh.Config()
+    settings = zenoh.Config() if credentials is None else zenoh.Config.from_file(str(SECURE_ROUTER))
+    for key, value in router_settings(credentials).items() if credentials else ():
+        settings.insert_json5(key, value)
     settings.insert_json5("mode", '"router"')
     settings.insert_json5("listen/endpoints", json.dumps([endpoint]))
+    settings.insert_json5("connect/endpoints", json.dumps(list(peers)))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
-    _set_queues(settings)
+    settings.insert_json5(f"{_SHARED_MEMORY}/enabled", "false")  # it passes on what others put there, and puts nothing
+    _set_queues(settings, queues_of_router())
+    os.environ.setdefault("ZENOH_RUNTIME", ROUTER_RUNTIME)  # read by zenoh's first session of a process
     try:
         session = zenoh.open(settings)
     except zenoh.ZError as error:
@@ -192,9 +242,9 @@ def open_router(endpoint: str) -> Iterator[None]:
 
 
 def is_reachable(endpoint: str) -> bool:
-    """Whether somebody accepts connections at a `tcp/HOST:PORT` endpoint; other transports are taken as reachable."""
+    """Whether somebody accepts connections at a `tcp/` or `tls/HOST:PORT`; other transports are taken as reachable."""
     protocol, _, address = endpoint.partition("/")
-    if protocol != "tcp":
+    if protocol not in ("tcp", "tls"):
         return True
     host, _, port = address.rpartition(":")
     try:
@@ -217,27 +267,39 @@ def _wait_for_router(config: BusConfig, is_stopping: Callable[[], bool]) -> None
         time.sleep(0.05)
 
 
-def _client_settings(config: BusConfig) -> zenoh.Config:
-    settings = zenoh.Config()
+def _client_settings(config: BusConfig, name: str) -> zenoh.Config:
+    credential = credential_of(config, name)
+    try:
+        settings = zenoh.Config.from_file(str(credential)) if credential else zenoh.Config()
+    except zenoh.ZError as error:
+        raise ConfigError([f"bus.credentials: {credential}: not a Zenoh configuration: {error}"]) from error
     settings.insert_json5("mode", '"client"')
     settings.insert_json5("connect/endpoints", json.dumps([config.endpoint]))
     settings.insert_json5("connect/timeout_ms", str(int(config.connect_timeout_s * 1000)))
+    settings.insert_json5("connect/retry", json.dumps(_RETRY))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
-    _set_queues(settings)
+    _set_queues(settings, queues_of_client())
     settings.insert_json5("transport/shared_memory/enabled", json.dumps(config.shared_memory_mib > 0))
     if config.shared_memory_mib:
         pool = config.shared_memory_mib * 1024 * 1024
-        settings.insert_json5("transport/shared_memory/transport_optimization/pool_size", str(pool))
+        settings.insert_json5(f"{_SHARED_MEMORY}/pool_size", str(pool))
+        settings.insert_json5(f"{_SHARED_MEMORY}/message_size_threshold", str(BATCH_BYTES))
     if config.namespace:
         settings.insert_json5("namespace", json.dumps(config.namespace))
     return settings
 
 
-def _set_queues(settings: zenoh.Config) -> None:
-    """Room for short stalls on every hop, so that a busy machine does not make LATEST messages drop."""
-    settings.insert_json5("transport/link/tx/queue/size/data", str(_QUEUE_BATCHES))
-    settings.insert_json5("transport/link/tx/queue/congestion_control/drop/wait_before_drop", str(_DROP_AFTER_US))
+def _set_queues(settings: zenoh.Config, queues: dict[str, int]) -> None:
+    for path, value in queues.items():
+        settings.insert_json5(path, str(value))
+
+
+def _priority(channel: Channel) -> zenoh.Priority:
+    """Each kind of message waits in a queue of its own on every link: a scan that finds no room holds up no other."""
+    if channel.delivery is Delivery.EVERY:
+        return zenoh.Priority.INTERACTIVE_HIGH
+    return zenoh.Priority.DATA_LOW if channel.is_large else zenoh.Priority.DATA
 
 
 def _schema(encoding: zenoh.Encoding) -> str | None:

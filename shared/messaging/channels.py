@@ -29,7 +29,8 @@ class Channel:
 
     key: below `hyrecro/`. rate_hz: None = as it happens. is_command: people and programs send it to the robot, also as
     JSON, and a query on it is answered with accepted or the reason of refusal. is_kept: the publisher keeps the last
-    message and answers queries with it, so that a late joiner gets it. topic, ros_type: where it stands in a recording.
+    message and answers queries with it, so that a late joiner gets it. is_large: it fills links and queues. topic,
+    ros_type: where it stands in a recording. robot: the namespace of another robot, if it is not our own that speaks.
     """
 
     key: str
@@ -40,15 +41,17 @@ class Channel:
     is_command: bool = False
     is_kept: bool = False
     is_recorded: bool = True
+    is_large: bool = False
     topic: str = ""
+    robot: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "topic", self.topic or "/" + self.key)
 
     @property
     def key_expr(self) -> str:
-        """The whole Zenoh key expression."""
-        return PREFIX + self.key
+        """The whole Zenoh key expression, without our own namespace."""
+        return f"{self.robot}/{PREFIX}{self.key}" if self.robot else PREFIX + self.key
 
     def of(self, service: str) -> Channel:
         """The concrete channel of one service, for a key that ends in `*`."""
@@ -57,6 +60,10 @@ class Channel:
     def every(self) -> Channel:
         """The channel for who needs each of its messages, not only the newest."""
         return replace(self, delivery=Delivery.EVERY)
+
+    def of_robot(self, robot: str) -> Channel:
+        """The channel of another robot, which has this namespace."""
+        return replace(self, robot=robot)
 
     def of_sensor(self, sensor: str) -> Channel:
         """The channel of another sensor of the same kind: `lidar_rear/points` of `lidar/points`."""
@@ -157,11 +164,21 @@ STRUCTURE_DESCRIPTION = Channel(
     topic="/world/robot_description",
 )
 LIDAR_POINTS = Channel(
-    key="lidar/points", message=m.LidarScan, delivery=LATEST, ros_type="sensor_msgs/msg/PointCloud2", rate_hz=10.0
+    key="lidar/points",
+    message=m.LidarScan,
+    delivery=LATEST,
+    ros_type="sensor_msgs/msg/PointCloud2",
+    is_large=True,
+    rate_hz=10.0,
 )
 LIDAR_IMU = Channel(key="lidar/imu", message=m.Imu, delivery=LATEST, ros_type="sensor_msgs/msg/Imu", rate_hz=100.0)
 DEPTH_IMAGE = Channel(
-    key="depth/image", message=m.DepthImage, delivery=LATEST, ros_type="sensor_msgs/msg/Image", rate_hz=15.0
+    key="depth/image",
+    message=m.DepthImage,
+    delivery=LATEST,
+    ros_type="sensor_msgs/msg/Image",
+    is_large=True,
+    rate_hz=15.0,
 )
 DEPTH_CAMERA_INFO = Channel(
     key="depth/camera_info",
@@ -176,6 +193,7 @@ DEPTH_POINTS = Channel(
     message=m.PointCloud,
     delivery=LATEST,
     ros_type="sensor_msgs/msg/PointCloud2",
+    is_large=True,
     rate_hz=15.0,
     is_recorded=False,  # made only while someone subscribes: the image says the same in a sixth of the bytes
 )
@@ -199,6 +217,7 @@ MAP_CLOUD = Channel(
     message=m.PointCloud,
     delivery=LATEST,
     ros_type="sensor_msgs/msg/PointCloud2",
+    is_large=True,
     rate_hz=1.0,
     is_kept=True,
 )
@@ -207,6 +226,7 @@ MAP_PLANES = Channel(
     message=m.PlaneMap,
     delivery=LATEST,
     ros_type="hyrecro_msgs/msg/PlaneMap",
+    is_large=True,
     rate_hz=1.0,
     is_kept=True,
 )

@@ -27,6 +27,7 @@ MAX_PAYLOAD_BYTES = 256 * 1024 * 1024
 MAX_COMMAND_BYTES = 64 * 1024
 MAX_SHOWN_NUMBERS = 64
 """A bulk array longer than this is shown to people as its type and shape."""
+_MAX_SHOWN_CHARS = 40
 
 
 def schema_of(message_type: type[Message]) -> str:
@@ -50,7 +51,7 @@ def decode(message_type: type[M], payload: bytes, *, schema: str | None = None) 
     """
     wanted = schema_of(message_type)
     if schema is not None and schema != wanted:
-        raise CodecError(f"schema is {schema!r}, expected {wanted!r}")
+        raise CodecError(f"schema is {schema[:_MAX_SHOWN_CHARS]!r}, expected {wanted!r}")
     if len(payload) > MAX_PAYLOAD_BYTES:
         raise CodecError(f"{len(payload)} bytes, at most {MAX_PAYLOAD_BYTES} are allowed")
     return _from_plain(message_type, _unpack(payload))
@@ -71,12 +72,16 @@ def decode_command(message_type: type[M], payload: bytes) -> M:
 
 
 def _read_command(message_type: type[M], payload: bytes) -> M:
-    if not 0 < len(payload) <= MAX_COMMAND_BYTES:
-        raise CodecError(f"a command has 1 to {MAX_COMMAND_BYTES} bytes, got {len(payload)}")
+    _check_command_size(payload)
     plain = _command_to_plain(payload)
     if not isinstance(plain, dict) and message_type.SHORTHAND is not None:
         plain = {message_type.SHORTHAND: plain}
     return _from_plain(message_type, plain)
+
+
+def _check_command_size(payload: bytes) -> None:
+    if not 0 < len(payload) <= MAX_COMMAND_BYTES:
+        raise CodecError(f"a command has 1 to {MAX_COMMAND_BYTES} bytes, got {len(payload)}")
 
 
 def to_text(key: str, payload: bytes) -> str:
@@ -86,9 +91,13 @@ def to_text(key: str, payload: bytes) -> str:
         CodecError: bytes that are not a message of that key.
     """
     channel = channel_of_key(str(key))
-    if channel is None or channel.is_command:
+    if channel is not None and not channel.is_command:
+        return json.dumps(to_jsonable(decode(channel.message, payload)))
+    _check_command_size(payload)
+    try:
         return json.dumps(_command_to_plain(payload), default=repr)
-    return json.dumps(to_jsonable(decode(channel.message, payload)))
+    except RecursionError:
+        raise CodecError("lists or maps are nested too deeply") from None
 
 
 def from_text(key: str, text: str) -> bytes:
@@ -100,7 +109,11 @@ def from_text(key: str, text: str) -> bytes:
     channel = channel_of_key(str(key))
     if channel is None or not channel.is_command:
         raise CodecError(f"{key} is not a command key")
-    return encode(decode_command(channel.message, text.encode()))
+    try:
+        payload = text.encode()
+    except UnicodeEncodeError as error:
+        raise CodecError(f"not Unicode text: {error.reason}") from error
+    return encode(decode_command(channel.message, payload))
 
 
 def to_jsonable(message: Message) -> dict[str, Any]:
@@ -147,25 +160,50 @@ def _wire_dtype(mark: Array) -> np.dtype[Any]:
 # ---- plain maps to messages
 
 
+_UNPACK_LIMITS = {
+    "strict_map_key": True,
+    "max_str_len": 4 * MAX_TEXT_CHARS,
+    "max_array_len": MAX_TUPLE_ITEMS,
+    "max_map_len": 1024,
+    "max_ext_len": 0,
+}
+
+
 def _unpack(payload: bytes) -> Any:
     try:
-        return msgpack.unpackb(
-            payload,
-            strict_map_key=True,
-            max_str_len=4 * MAX_TEXT_CHARS,
-            max_array_len=MAX_TUPLE_ITEMS,
-            max_map_len=1024,
-            max_ext_len=0,
-        )
-    except (ValueError, msgpack.exceptions.UnpackException, UnicodeDecodeError, RecursionError) as error:
+        _check_lengths(payload)
+        return msgpack.unpackb(payload, object_pairs_hook=_unique, **_UNPACK_LIMITS)
+    except (ValueError, msgpack.exceptions.UnpackException, RecursionError) as error:
         raise CodecError(f"not one MessagePack value: {error or type(error).__name__}") from error
+
+
+def _check_lengths(payload: bytes) -> None:
+    """Walks over the payload without building anything: for a list, memory is taken as soon as its length is read."""
+    unpacker = msgpack.Unpacker(max_buffer_size=len(payload), **_UNPACK_LIMITS)
+    unpacker.feed(payload)
+    try:
+        unpacker.skip()
+    except msgpack.OutOfData:
+        raise ValueError("it ends too early") from None
+
+
+def _unique(pairs: list[tuple[Any, Any]]) -> dict[str, Any]:
+    """A map whose keys are texts, each there once; else ValueError."""
+    plain: dict[str, Any] = {}
+    for name, value in pairs:
+        if not isinstance(name, str):
+            raise ValueError("a key of a map is no text")
+        if name in plain:
+            raise ValueError(f"{name[:_MAX_SHOWN_CHARS]!r} is given twice")
+        plain[name] = value
+    return plain
 
 
 def _command_to_plain(payload: bytes) -> Any:
     first = payload[:1]
     if first in (b"{", b"[", b'"'):
         try:
-            return json.loads(payload)
+            return json.loads(payload, object_pairs_hook=_unique)
         except (ValueError, RecursionError) as error:
             raise CodecError(f"not JSON: {error}") from error
     if first and (0x80 <= first[0] <= 0x8F or first[0] in (0xDE, 0xDF)):
@@ -182,9 +220,10 @@ def _from_plain(message_type: type[M], plain: Any) -> M:
     specs = {spec.name: spec for spec in specs_of(message_type)}
     for name in plain:
         if name not in specs:
-            near = difflib.get_close_matches(str(name), specs, n=1)
+            shown = name[:_MAX_SHOWN_CHARS]
+            near = difflib.get_close_matches(shown, specs, n=1)
             hint = f", did you mean {near[0]}?" if near else f"; known are {', '.join(specs)}"
-            raise CodecError(f"{message_type.__name__} has no field {str(name)[:40]!r}{hint}")
+            raise CodecError(f"{message_type.__name__} has no field {shown!r}{hint}")
     missing = [name for name in specs if name not in plain and not specs[name].has_default]
     if missing:
         raise CodecError(f"{message_type.__name__} lacks {', '.join(missing)}")
@@ -211,8 +250,15 @@ def _value(spec: FieldSpec, value: Any) -> Any:
             return spec.choices(value)
         except ValueError as error:
             allowed = ", ".join(str(choice.value) for choice in spec.choices)
-            raise CodecError(f"{spec.name} is {str(value)[:40]!r}, must be one of {allowed}") from error
+            raise CodecError(f"{spec.name} is {_shown(value)}, must be one of {allowed}") from error
     return value
+
+
+def _shown(value: Any) -> str:
+    """A value of a foreign kind for people: of lists and maps, which may be deep, only what they are."""
+    if isinstance(value, str):
+        return repr(value[:_MAX_SHOWN_CHARS])
+    return repr(value) if isinstance(value, int | float) else f"a {type(value).__name__}"
 
 
 def _array(name: str, mark: Array, value: Any) -> Any:

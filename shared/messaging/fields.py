@@ -110,9 +110,7 @@ def checked(spec: FieldSpec, value: Any, sizes: dict[str, int]) -> Any:
 def _checked_scalar(spec: FieldSpec, value: Any) -> Any:
     kind = spec.kind
     if kind is float and isinstance(value, int | float | np.floating) and not isinstance(value, bool):
-        if not math.isfinite(value):
-            raise MessageError(f"{spec.name} is {float(value)}: must be finite")
-        return float(value)
+        return _checked_float(spec.name, value)
     if kind is int and isinstance(value, int | np.integer) and not isinstance(value, bool):
         if not _INT64_RANGE[0] <= value <= _INT64_RANGE[1]:
             raise MessageError(f"{spec.name} is outside the 64-bit integers")
@@ -120,11 +118,29 @@ def _checked_scalar(spec: FieldSpec, value: Any) -> Any:
     if kind is bool and isinstance(value, bool | np.bool_):
         return bool(value)
     if kind is str and isinstance(value, str):
-        if len(value) > MAX_TEXT_CHARS:
-            raise MessageError(f"{spec.name} has {len(value)} characters, at most {MAX_TEXT_CHARS} are allowed")
-        return value
+        return _checked_text(spec.name, value)
     assert kind is not None
     raise MessageError(f"{spec.name} must be {kind.__name__}, got {type(value).__name__}")
+
+
+def _checked_float(name: str, value: float | np.floating) -> float:
+    try:
+        number = float(value)
+    except OverflowError:
+        raise MessageError(f"{name} is a number too large for float64") from None
+    if not math.isfinite(number):
+        raise MessageError(f"{name} is {number}: must be finite")
+    return number
+
+
+def _checked_text(name: str, text: str) -> str:
+    if len(text) > MAX_TEXT_CHARS:
+        raise MessageError(f"{name} has {len(text)} characters, at most {MAX_TEXT_CHARS} are allowed")
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise MessageError(f"{name} is not Unicode text: {error.reason} at character {error.start}") from None
+    return text
 
 
 def _checked_array(name: str, mark: Array, value: Any, sizes: dict[str, int]) -> NDArray[Any]:
@@ -151,7 +167,8 @@ def _checked_array(name: str, mark: Array, value: Any, sizes: dict[str, int]) ->
 
 
 def _check_quaternions(name: str, poses: NDArray[Any]) -> None:
-    lengths = np.linalg.norm(poses[..., 3:], axis=-1)
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(poses[..., 3:], axis=-1)
     if (np.abs(lengths - 1.0) > _QUATERNION_TOLERANCE).any():
         worst = float(lengths.flat[np.argmax(np.abs(lengths - 1.0))])
         raise MessageError(f"{name} has a quaternion of length {worst:g}: must be 1")

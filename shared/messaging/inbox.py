@@ -12,6 +12,8 @@ from shared.messaging.channels import Channel, Delivery
 
 LATEST_DEPTH = 2
 EVERY_DEPTH = 1000
+MAX_BYTES = 256 * 1024 * 1024
+"""Of all that waits: as much as the largest message has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,15 +34,16 @@ class Parcel:
 
 
 class Inbox:
-    """LATEST channels keep the newest `LATEST_DEPTH` parcels; others up to `EVERY_DEPTH`, or `max_bytes` if lossless.
+    """LATEST channels keep the newest `LATEST_DEPTH` parcels, others up to `EVERY_DEPTH`; all together `MAX_BYTES`.
 
+    max_bytes: lossless then: every parcel of every channel is kept as long as all together have no more bytes.
     `num_dropped` counts, by key, what had to go: superseded by newer (LATEST) or refused because full (EVERY).
     """
 
     def __init__(self, *, max_bytes: int | None = None) -> None:
         self.num_dropped: Counter[str] = Counter()
         self._is_lossless = max_bytes is not None
-        self._bytes_left = max_bytes or 0
+        self._bytes_left = MAX_BYTES if max_bytes is None else max_bytes
         self._arrivals: deque[Parcel] = deque()
         self._pending: Counter[str] = Counter()
         self._changed = threading.Condition()
@@ -53,6 +56,7 @@ class Inbox:
                 return False
             self._arrivals.append(parcel)
             self._pending[parcel.key] += 1
+            self._bytes_left -= len(parcel.payload)
             self._changed.notify()
             return True
 
@@ -65,22 +69,29 @@ class Inbox:
                 if remaining <= 0 or not self._changed.wait(remaining):
                     return None
             parcel = self._arrivals.popleft()
-            self._pending[parcel.key] -= 1
-            if self._is_lossless:
-                self._bytes_left += len(parcel.payload)
+            self._forget(parcel)
             return parcel
 
+    def num_waiting(self) -> dict[str, int]:
+        """How many parcels of each key wait now."""
+        with self._changed:
+            return {key: num for key, num in self._pending.items() if num}
+
     def _make_room(self, parcel: Parcel) -> bool:
-        if self._is_lossless:
-            if len(parcel.payload) > self._bytes_left:
+        if not self._is_lossless and self._pending[parcel.key] >= self._depth(parcel):
+            if self._depth(parcel) == EVERY_DEPTH:
                 return False
-            self._bytes_left -= len(parcel.payload)
-            return True
-        if parcel.channel.delivery is Delivery.EVERY or parcel.is_replay:
-            return self._pending[parcel.key] < EVERY_DEPTH
-        if self._pending[parcel.key] >= LATEST_DEPTH:
             oldest = next(waiting for waiting in self._arrivals if waiting.key == parcel.key)
             self._arrivals.remove(oldest)
-            self._pending[parcel.key] -= 1
+            self._forget(oldest)
             self.num_dropped[parcel.key] += 1
-        return True
+        return len(parcel.payload) <= self._bytes_left
+
+    @staticmethod
+    def _depth(parcel: Parcel) -> int:
+        is_every = parcel.channel.delivery is Delivery.EVERY or parcel.is_replay
+        return EVERY_DEPTH if is_every else LATEST_DEPTH
+
+    def _forget(self, parcel: Parcel) -> None:
+        self._pending[parcel.key] -= 1
+        self._bytes_left += len(parcel.payload)

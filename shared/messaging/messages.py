@@ -8,6 +8,7 @@ Poses travel as (7,) x y z in metres and the quaternion x y z w; use `SE3.from_x
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -18,6 +19,9 @@ from shared.messaging.fields import checked, specs_of
 from shared.messaging.values import (
     ACTUATOR_NAMES as ACTUATOR_NAMES,
     JOINT_NAMES as JOINT_NAMES,
+    MAX_PIXELS as MAX_PIXELS,
+    MAX_PLACE_M as MAX_PLACE_M,
+    MAX_SPEED as MAX_SPEED,
     MAX_STAMP_NS as MAX_STAMP_NS,
     Actuators as Actuators,
     Coefficients as Coefficients,
@@ -41,6 +45,9 @@ from shared.messaging.values import (
     Vector as Vector,
     Wrench as Wrench,
 )
+
+_MIN_LENGTH = 1e-6
+"""Of a direction; its inverse is the largest."""
 
 
 class Message:
@@ -152,7 +159,8 @@ class FootTarget(Message):
     foot: None = the free one. With a point the foot's turn about the normal is left to the planner.
 
     Raises:
-        MessageError: neither or both of a pose and a point, a point without its normal, a normal of length 0.
+        MessageError: neither or both of a pose and a point, a point without its normal, a normal too short or long,
+            a place farther than `MAX_PLACE_M`.
     """
 
     foot: Foot | None = None
@@ -166,8 +174,11 @@ class FootTarget(Message):
             raise MessageError("a foot target is either T_world_foot, or point_m and normal")
         if (self.point_m is None) != (self.normal is None):
             raise MessageError("point_m and normal belong together")
-        if self.normal is not None and np.linalg.norm(self.normal) < 1e-6:
-            raise MessageError("normal must not be of length 0")
+        if self.normal is not None and not _MIN_LENGTH <= math.hypot(*self.normal) <= 1 / _MIN_LENGTH:
+            raise MessageError(f"normal must be of length {_MIN_LENGTH:g} to {1 / _MIN_LENGTH:g}")
+        place = self.T_world_foot[:3] if self.T_world_foot is not None else self.point_m
+        if place is not None and np.abs(place).max() > MAX_PLACE_M:
+            raise MessageError(f"a place is farther than {MAX_PLACE_M:g} m from the origin")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -224,7 +235,7 @@ class ReplayControl(Message):
     seek_s: goes on from so many seconds after the recording's first message. speed: recorded seconds a second.
 
     Raises:
-        MessageError: nothing is asked for, a time before the recording, or a speed that is not above 0.
+        MessageError: nothing is asked for, a time before the recording, or a speed not within 0 and `MAX_SPEED`.
     """
 
     SHORTHAND: ClassVar[str | None] = "action"
@@ -236,10 +247,10 @@ class ReplayControl(Message):
         Message.__post_init__(self)
         if self.action is None and self.seek_s is None and self.speed is None:
             raise MessageError("one of action, seek_s, speed must be given")
-        if self.seek_s is not None and self.seek_s < 0:
-            raise MessageError(f"seek_s is {self.seek_s:g}, must not be negative")
-        if self.speed is not None and self.speed <= 0:
-            raise MessageError(f"speed is {self.speed:g}, must be above 0")
+        if self.seek_s is not None and not 0 <= self.seek_s <= MAX_STAMP_NS / 1e9:
+            raise MessageError(f"seek_s is {self.seek_s:g}, must be within 0..{MAX_STAMP_NS / 1e9:g}")
+        if self.speed is not None and not 0 < self.speed <= MAX_SPEED:
+            raise MessageError(f"speed is {self.speed:g}, must be above 0 and at most {MAX_SPEED:g}")
 
 
 # ---- the robot
@@ -355,7 +366,8 @@ class LidarScan(Measurement):
     t_ns (N,): after `stamp_ns` when each point was measured. ring (N,): 0 = top.
 
     Ground truth, None unless asked for. member (N,): number of the shape met, counted through the visuals of
-    structure_description, then of robot_description. face (N,): of that shape, see `shared.meshes.faces_of`.
+    structure_description, then of robot_description; of the k-th of sensors.other_robots k million and the number of
+    the visual in its own. face (N,): of that shape, see `shared.meshes.faces_of`.
     true_range_m (N,): along the beam from its origin, without any error of the sensor.
     """
 
@@ -407,7 +419,11 @@ class DepthImage(Measurement):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CameraInfo(Measurement):
-    """Intrinsics of a camera without distortion, in pixels; the centre of the top left pixel is (0, 0)."""
+    """Intrinsics of a camera without distortion, in pixels; the centre of the top left pixel is (0, 0).
+
+    Raises:
+        MessageError: an image without pixels, or numbers that are no camera's.
+    """
 
     height: int
     width: int
@@ -415,6 +431,15 @@ class CameraInfo(Measurement):
     fy: float
     cx: float
     cy: float
+
+    def __post_init__(self) -> None:
+        Measurement.__post_init__(self)
+        for name in ("height", "width", "fx", "fy"):
+            if not 0 < (value := getattr(self, name)) <= MAX_PIXELS:
+                raise MessageError(f"{name} is {value}, must be above 0 and at most {MAX_PIXELS}")
+        for name in ("cx", "cy"):
+            if abs(value := getattr(self, name)) > MAX_PIXELS:
+                raise MessageError(f"{name} is {value}, must be within {MAX_PIXELS} of 0")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -525,7 +550,12 @@ class Event(Measurement):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChannelCount(Message):
-    """What one service did with one key: messages sent, received, missed on the way, dropped by itself, refused."""
+    """What one service did with one key: messages sent, received, missed on the way, dropped by itself, refused.
+
+    num_bytes_sent: of those sent. num_waiting: in its inbox now. wait_median_s, wait_max_s: how long those taken since
+    the last heartbeat had waited there; None where none was taken.
+    num_refused: bytes that are no message, and messages that could not be carried out; no other was received, too.
+    """
 
     key: str
     num_sent: int = 0
@@ -534,17 +564,31 @@ class ChannelCount(Message):
     num_dropped: int = 0
     num_refused: int = 0
     last_seq: int | None = None
+    num_bytes_sent: int = 0
+    num_waiting: int = 0
+    wait_median_s: float | None = None
+    wait_max_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Health(Measurement):
-    """A service's heartbeat. busy_ratio: share of wall time spent working since the last one."""
+    """A service's heartbeat, with shares of wall time since the last one.
+
+    busy_ratio: its loop worked. cpu_ratio: of one core, by all its threads. shared_memory_bytes: what it has in use of
+    memory it shares with others, such as the bus's; part of rss_bytes.
+    """
+
+    VERSION: ClassVar[int] = 2
 
     service: str
     uptime_s: float
     rss_bytes: int
     busy_ratio: float
     channels: tuple[ChannelCount, ...]
+    cpu_ratio: float = 0.0
+    num_open_files: int = 0
+    num_threads: int = 0
+    shared_memory_bytes: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

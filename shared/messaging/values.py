@@ -34,6 +34,14 @@ Covariance = Annotated[NDArray[np.float64], Array("float64", (6, 6), is_inline=T
 
 MAX_STAMP_NS = 2**31 * 10**9 - 1
 """ROS 2 counts the seconds of a time in an int32 (builtin_interfaces/Time)."""
+MAX_COUNT = 2**63 - 1
+"""Counters stay there: losses are counted by the numbers that others send."""
+MAX_PIXELS = 2**16
+"""Of an image's side, and of what is measured in its pixels."""
+MAX_PLACE_M = 1e6
+"""Beyond any structure: what a command says to be farther is a wrong unit."""
+MAX_SPEED = 1e6
+"""Of a replay: recorded seconds a second."""
 JOINT_NAMES = ("q1", "q2", "q3", "q4", "q5", "q6", "q7", "q8")
 ACTUATOR_NAMES = ("a1_l", "a1_r", "a2_l", "a2_r", "th_a", "th_b", "b2_l", "b2_r", "b1_l", "b1_r")
 """From foot A to foot B: the left and right piston of each leg's module 1 (at the foot) and 2 (at the hip), the hip."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -19,10 +19,21 @@ class BusConfig(Section):
     """Where the router listens and everyone connects."""
     namespace: str = Field("", pattern=r"^([A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*)?$")
     """Put before every key, for several robots on one router."""
+    credentials: Path | None = None
+    """Of a secure bus: a file that `hyrecro certs new` makes, or their folder, where everyone takes theirs."""
     connect_timeout_s: float = Field(10.0, gt=0, le=3600)
     """How long a service waits for the router before it gives up."""
     shared_memory_mib: int = Field(64, ge=0, le=4096)
     """Size of each process's pool for large messages; 0 switches shared memory off."""
+
+    @model_validator(mode="after")
+    def _secure_with_credentials(self) -> BusConfig:
+        is_secure = self.endpoint.startswith(("tls/", "quic/"))
+        if is_secure and self.credentials is None:
+            raise ValueError(f"endpoint {self.endpoint} needs credentials: `hyrecro certs new` makes them")
+        if self.credentials is not None and not is_secure:
+            raise ValueError(f"credentials need an endpoint that begins with tls/ or quic/, got {self.endpoint}")
+        return self
 
 
 class EncoderConfig(Section):
@@ -246,6 +257,8 @@ class TeleopConfig(Section):
     host: str = "127.0.0.1"
     """Where it listens: whoever reaches it can move the robot. Inside a container 0.0.0.0, published on loopback."""
     port: int = Field(8080, ge=1, le=65535)
+    origins: tuple[Annotated[str, Field(pattern=r"^https?://[^/]+$")], ...] = ()
+    """Further addresses of the page, such as http://robot.lan:8080; pages of other sites are refused."""
     rate_hz: float = Field(10.0, ge=1, le=50)
     """Joint targets a second, renewals too."""
     valid_s: float = Field(0.5, gt=0, le=10)
@@ -287,6 +300,8 @@ class Config(Section):
     fixed_foot_mark: InputFile = Path("robot/fixed_foot.urdf")
     """What viewers draw at the fixed foot."""
     structure: InputFile = Path("structures/original.yaml")
+    state_directory: Path | None = None
+    """Where services keep what they know, for when they are started again; None: nowhere. `hyrecro up` makes one."""
     bus: BusConfig = BusConfig()
     sim: SimConfig = SimConfig()
     sensors: SensorsConfig = SensorsConfig()
@@ -296,6 +311,12 @@ class Config(Section):
     planner: PlannerConfig = PlannerConfig()
     evaluator: EvaluatorConfig = EvaluatorConfig()
     teleop: TeleopConfig = TeleopConfig.model_construct()
+
+    @model_validator(mode="after")
+    def _sees_others(self) -> Config:
+        if self.bus.namespace in self.sensors.other_robots:
+            raise ValueError(f"sensors.other_robots has the robot's own namespace {self.bus.namespace}")
+        return self
 
     @field_validator("player", "teleop", mode="before")
     @classmethod

@@ -11,10 +11,11 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
-from shared.errors import ConfigError
+from shared.errors import ConfigError, InputFileError
+from shared.files import read_text
 from shared.runtime.config import CONFIGS_DIR, Config
+from shared.yaml_reading import YamlError, load_yaml
 
 ENVIRONMENT_PREFIX = "HYRECRO_"
 ENVIRONMENT_SEPARATOR = "__"
@@ -38,11 +39,11 @@ def load_config(
     tree = _read_yaml(path)
     problems: list[str] = []
     origins: Origins = {}
-    for name, text in sorted((environ or {}).items()):
+    for name, text in sorted((_printable(name), _printable(text)) for name, text in (environ or {}).items()):
         if name.startswith(ENVIRONMENT_PREFIX):
             keys = name.removeprefix(ENVIRONMENT_PREFIX).lower().split(ENVIRONMENT_SEPARATOR)
             _set(tree, keys, text, f"environment {name}", origins, problems)
-    for override in overrides:
+    for override in map(_printable, overrides):
         dotted, equals, text = override.partition("=")
         if not equals:
             problems.append(f"--set {override}: must be section.key=value")
@@ -55,6 +56,11 @@ def load_config(
     if problems:
         raise ConfigError(problems)
     return config
+
+
+def _printable(text: str) -> str:
+    """Bytes of the command line that are not UTF-8, as escapes: they are quoted in errors."""
+    return text.encode(errors="backslashreplace").decode()
 
 
 def dump_config(config: Config) -> str:
@@ -75,14 +81,12 @@ def _resolve_preset(path: Path) -> Path:
 
 def _read_yaml(path: Path) -> dict[str, Any]:
     try:
-        tree = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
-    except OSError as error:
+        tree = load_yaml(read_text(path), str(path))
+    except InputFileError as error:
         presets = ", ".join(sorted(preset.stem for preset in CONFIGS_DIR.glob("*.yaml")))
-        raise ConfigError([f"{path}: {error.strerror or error}; presets are {presets}"]) from error
-    except (YAMLError, UnicodeDecodeError) as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f":{mark.line + 1}" if mark is not None else ""
-        raise ConfigError([f"{path}{place}: not valid YAML: {getattr(error, 'problem', None) or error}"]) from error
+        raise ConfigError([f"{error}; presets are {presets}"]) from error
+    except YamlError as error:
+        raise ConfigError([str(error)]) from error
     if tree is None:
         return {}
     if not isinstance(tree, dict):
@@ -94,9 +98,9 @@ def _set(
     tree: dict[str, Any], keys: Sequence[str], text: str, origin: str, origins: Origins, problems: list[str]
 ) -> None:
     try:
-        value = YAML(typ="safe").load(text) if text else ""
-    except YAMLError:
-        problems.append(f"{origin}: {'.'.join(keys)}: {text!r} is not a YAML value")
+        value = load_yaml(text, origin) if text else ""
+    except YamlError:
+        problems.append(f"{origin}: {'.'.join(keys)}: {_shortened(text)} is not a YAML value")
         return
     node = tree
     for key in keys[:-1]:

@@ -23,6 +23,30 @@ Messages = Iterable[Message | Addressed]
 Handler = Callable[[Any], Messages]
 
 
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One file of a memory. kind: of the state. snapshot: the state now; None: nothing is worth keeping yet.
+
+    period_s: how old the file may be; 0: nothing is said before the state that says it is kept.
+    """
+
+    kind: type[Message]
+    snapshot: Callable[[], Message | None]
+    period_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Memory:
+    """What a service knows again when it is started again in the same run.
+
+    restore: gets the state of every part, by name, before `on_start`; returns what follows. It takes up all of it or,
+    where it cannot, nothing, and raises HyrecroError or ValueError.
+    """
+
+    parts: Mapping[str, Part]
+    restore: Callable[[Mapping[str, Any]], Messages]
+
+
 def _nothing() -> Messages:
     return ()
 
@@ -69,6 +93,7 @@ class Node:
     answers: tuple[Channel, ...] = ()
     num_lost: Callable[[], Mapping[str, int]] = _none
     exit_code: Callable[[], Exit] = _fine
+    memory: Memory | None = None
 
 
 @dataclass(kw_only=True)

@@ -8,9 +8,10 @@ from shared.messaging.bus import is_reachable
 
 
 def free_endpoint(endpoint: str) -> str:
-    """The endpoint itself, or, where a `tcp` one is taken, one on the same host with a free port."""
-    if not endpoint.startswith("tcp/") or not is_reachable(endpoint):
+    """The endpoint itself, or, where a `tcp` or `tls` one is taken, one on the same host with a free port."""
+    protocol, _, address = endpoint.partition("/")
+    if protocol not in ("tcp", "tls") or not is_reachable(endpoint):
         return endpoint
-    host = endpoint.removeprefix("tcp/").rpartition(":")[0]
+    host = address.rpartition(":")[0]
     with socket.create_server((host.strip("[]"), 0)) as server:
-        return f"tcp/{host}:{server.getsockname()[1]}"
+        return f"{protocol}/{host}:{server.getsockname()[1]}"

@@ -10,14 +10,18 @@ from shared.errors import InputFileError
 from shared.runtime.config import RecorderConfig
 
 
-def run_name(config: RecorderConfig) -> str:
-    """The configured name of the run, or the UTC time now as 20261122T103300Z."""
-    return config.run or datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+def run_name(config: RecorderConfig, robot: str = "") -> str:
+    """The configured name of the run, or the UTC time now as 20261122T103300Z.
+
+    robot: its namespace, which then stands behind the time, so that two robots never write into one folder.
+    """
+    time = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+    return config.run or "_".join([time, *filter(None, robot.split("/"))])
 
 
-def new_run_name(config: RecorderConfig) -> str:
-    """The UTC time now, or that with a number where there is such a folder already."""
-    name = run_name(config.model_copy(update={"run": ""}))
+def new_run_name(config: RecorderConfig, robot: str = "") -> str:
+    """The UTC time now, and a robot's namespace, and a number where there is such a folder already."""
+    name = run_name(config.model_copy(update={"run": ""}), robot)
     names = [name, *(f"{name}_{number}" for number in range(2, 100))]
     return next((name for name in names if not run_folder(config, name).exists()), name)
 

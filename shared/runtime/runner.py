@@ -5,15 +5,12 @@ from __future__ import annotations
 import argparse
 import logging
 import os
-import signal
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import FrameType
 
-import psutil
 import structlog
 
 from shared.errors import (
@@ -35,7 +32,12 @@ from shared.runtime.config_loading import DEFAULT_CONFIG, load_config
 from shared.runtime.exit_codes import Exit
 from shared.runtime.health import Traffic
 from shared.runtime.logs import configure_logs
+from shared.runtime.memory import Keeper, keeper_of
 from shared.runtime.node import Addressed, Context, Messages, Node
+from shared.runtime.notify import Pulse
+from shared.runtime.process_load import ProcessLoad
+from shared.runtime.snapshots import settings_of
+from shared.runtime.stop_signal import StopSignal
 
 log = structlog.get_logger()
 
@@ -47,6 +49,8 @@ _MAX_WAIT_S = 0.1
 _DRAIN_QUIET_S = 0.3
 _MAX_DRAIN_S = 5.0
 """Half of what a supervisor waits before it kills."""
+_MAX_REASON_CHARS = 1000
+"""Of a refusal: what is refused may be quoted in it."""
 _MAX_TIMER_DELAY_S = 0.5
 """A timer that is later than this does not catch up: simulated time then runs slower than wall time."""
 
@@ -56,27 +60,21 @@ def run_service(name: str, build_node: BuildNode, arguments: argparse.Namespace 
     arguments = service_parser(name).parse_args() if arguments is None else arguments
     configure_logs(verbosity=arguments.verbosity, is_json=arguments.log_json)
     structlog.contextvars.bind_contextvars(service=name)
-    stop = StopSignal()
+    stop, pulse = StopSignal(), Pulse.from_environment()
     context = Context(clock_ns=time.monotonic_ns)
     exit_code = Exit.FINE
     try:
         config = load_config(arguments.config, arguments.set, os.environ)
         node = build_node(config, context)
-        run_node(node, config, context, stop.is_set)
+        run_node(node, config, context, stop.is_set, pulse)
         exit_code = node.exit_code()
-    except ConfigError as error:
-        _complain(name, f"the configuration is not usable:\n{error}")
-        sys.exit(Exit.USAGE)
-    except InputFileError as error:
-        _complain(name, str(error))
-        sys.exit(Exit.USAGE)
-    except StoppedError as error:
-        _complain(name, str(error))
-        sys.exit(Exit.PARTIAL)
     except HyrecroError as error:
-        if not stop.is_set():
-            _complain(name, str(error))
-            sys.exit(Exit.FAILED)
+        if isinstance(error, ConfigError | InputFileError | StoppedError) or not stop.is_set():
+            _complain(name, error, pulse)
+            sys.exit(_exit_code_of(error))
+    except Exception as error:
+        pulse.status(f"{type(error).__name__}: {error}")
+        raise
     sys.exit(stop.exit_code() or exit_code)
 
 
@@ -91,63 +89,51 @@ def service_parser(name: str) -> argparse.ArgumentParser:
     return parser
 
 
-class StopSignal:
-    """Remembers the first SIGTERM or SIGINT; a further Ctrl-C ends the process at once.
-
-    SIGTERM may come several times: the kernel sends it once for each dying thread of a parent that was killed.
-    As a context manager it gives the signals back to whoever had them before.
-    """
-
-    def __init__(self) -> None:
-        self.signum: int | None = None
-        self._before = {signum: signal.signal(signum, self._on_signal) for signum in (signal.SIGTERM, signal.SIGINT)}
-
-    def __enter__(self) -> StopSignal:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for signum, handler in self._before.items():
-            signal.signal(signum, handler)
-
-    def is_set(self) -> bool:
-        """Whether the process shall end."""
-        return self.signum is not None
-
-    def exit_code(self) -> Exit:
-        """130 after Ctrl-C, 0 after SIGTERM."""
-        return Exit.INTERRUPTED if self.signum == signal.SIGINT else Exit.FINE
-
-    def _on_signal(self, signum: int, _frame: FrameType | None) -> None:
-        if self.signum is not None and signum == signal.SIGINT:
-            os._exit(Exit.INTERRUPTED)
-        self.signum = signum if self.signum is None else self.signum
-
-
-def run_node(node: Node, config: Config, context: Context, is_stopping: Callable[[], bool]) -> None:
-    """Connects a node to the bus and serves until it is done or `is_stopping`.
+def run_node(
+    node: Node, config: Config, context: Context, is_stopping: Callable[[], bool], pulse: Pulse | None = None
+) -> None:
+    """Connects a node to the bus and serves until it is done or `is_stopping`. pulse: what a supervisor hears.
 
     Raises:
         BusError: the router cannot be reached.
     """
     max_bytes = config.recorder.max_queue_mib * 1024 * 1024 if node.is_observer else None
-    with Bus(config.bus, is_stopping=is_stopping) as bus:
+    with Bus(config.bus, name=node.name, is_stopping=is_stopping) as bus:
         context.is_wanted = bus.is_wanted
-        ServiceLoop(node, bus, context, Inbox(max_bytes=max_bytes)).run(is_stopping)
+        keeper = keeper_of(node, config.state_directory, settings_of(config))
+        ServiceLoop(node, bus, context, Inbox(max_bytes=max_bytes), pulse, keeper).run(is_stopping)
 
 
-def _complain(name: str, text: str) -> None:
+def _complain(name: str, error: HyrecroError, pulse: Pulse) -> None:
+    text = f"the configuration is not usable:\n{error}" if isinstance(error, ConfigError) else str(error)
+    pulse.status(text)
     print(f"{name}: {text}", file=sys.stderr)
+
+
+def _exit_code_of(error: HyrecroError) -> Exit:
+    if isinstance(error, ConfigError | InputFileError):
+        return Exit.USAGE
+    return Exit.PARTIAL if isinstance(error, StoppedError) else Exit.FAILED
 
 
 class ServiceLoop:
     """Takes parcels from the inbox, gives messages to the node, sends what it returns; keeps timer and heartbeat."""
 
-    def __init__(self, node: Node, bus: Bus, context: Context, inbox: Inbox) -> None:
+    def __init__(
+        self,
+        node: Node,
+        bus: Bus,
+        context: Context,
+        inbox: Inbox,
+        pulse: Pulse | None = None,
+        keeper: Keeper | None = None,
+    ) -> None:
         self._node, self._bus, self._context, self._inbox = node, bus, context, inbox
+        self._pulse, self._keeper = pulse or Pulse(), keeper
         self._traffic = Traffic()
         self._routes: dict[type[Message], Channel] = {channel.message: channel for channel in node.outputs}
         self._routes |= {Event: EVENTS, Health: HEALTH.of(node.name)}
-        self._process = psutil.Process()
+        self._process = ProcessLoad()
         self._started_s = self._last_health_s = time.monotonic()
         self._busy_s = 0.0
         self._num_events = self._num_healths = 0
@@ -155,19 +141,22 @@ class ServiceLoop:
     def run(self, is_stopping: Callable[[], bool]) -> None:
         """Serves until the node is done or `is_stopping`; then the node's last messages and a last heartbeat go out."""
         node = self._node
+        recalled = self._keeper.recall() if self._keeper else []
         for channel in dict.fromkeys((*node.outputs, *self._routes.values())):
             self._bus.advertise(channel)
         for channel in node.inputs:
             is_answered = not node.is_observer or channel in node.answers
             self._bus.subscribe(channel, self._inbox, is_observer=not is_answered)
         try:
-            self._send(node.on_start())
+            self._send([*node.on_start(), *recalled])
             self._bus.announce(node.name)
+            self._pulse.ready()
             log.info("ready")
             self._serve(is_stopping)
             if node.is_observer:
                 self._drain()
         finally:
+            self._pulse.stopping()
             self._send(node.on_stop())
             self._send_health()
             log.info("stopped")
@@ -175,6 +164,7 @@ class ServiceLoop:
     def _serve(self, is_stopping: Callable[[], bool]) -> None:
         due_s = time.monotonic()
         while not (is_stopping() or self._node.is_done()):
+            self._pulse.beat()
             now_s, period_s = time.monotonic(), self._timer_period_s()
             if period_s is not None and now_s >= due_s:
                 self._timed(lambda: self._send(self._node.on_timer()))
@@ -199,23 +189,28 @@ class ServiceLoop:
     def _handle(self, parcel: Parcel) -> None:
         channel, key = parcel.channel, parcel.key
         self._context.received_ns = parcel.received_ns
+        self._traffic.waited(key, (self._context.clock_ns() - parcel.received_ns) * 1e-9)
+        message: Message | None = None
         try:
             if channel.is_command:
-                message: Message = decode_command(channel.message, parcel.payload)
+                message = decode_command(channel.message, parcel.payload)
             else:
                 message = decode(channel.message, parcel.payload, schema=parcel.schema)
             if parcel.is_replay and self._traffic.is_known(key, message):
                 return
-            self._traffic.received(key, message)
+            self._traffic.received(key, message, tells_time=not channel.robot)
             self._send(self._node.inputs[channel](message))
         except (CodecError, MessageError, RefusedError, InputFileError) as error:
-            self._refuse(parcel, f"{key}: {error}")
+            self._refuse(parcel, f"{key}: {error}", is_message=message is not None)
         else:
             if parcel.reply is not None:
                 parcel.reply(True, "")
 
-    def _refuse(self, parcel: Parcel, reason: str) -> None:
-        self._traffic.refused(parcel.key)
+    def _refuse(self, parcel: Parcel, reason: str, *, is_message: bool) -> None:
+        self._traffic.refused(parcel.key, is_message=is_message)
+        reason = reason[:_MAX_REASON_CHARS]
+        if parcel.reply is not None:
+            parcel.reply(False, reason)
         if parcel.channel is EVENTS:
             log.warning("refused", reason=reason)
             return  # an event about an event could be refused in turn, without end
@@ -229,15 +224,23 @@ class ServiceLoop:
             refused_key=parcel.key if parcel.channel.is_command else "",
         )
         self._send([event])
-        if parcel.reply is not None:
-            parcel.reply(False, reason)
 
     def _send(self, messages: Messages) -> None:
+        messages = list(messages)
+        if self._keeper is None or not messages:
+            self._publish(messages)
+            return
+        failures = self._keeper.before_said()
+        self._publish(messages)
+        failures += self._keeper.after_said()
+        self._publish(replace(event, stamp_ns=self._traffic.stamp_ns) for event in failures)
+
+    def _publish(self, messages: Messages) -> None:
         for said in messages:
             channel, message = self._addressed(said)
-            self._bus.publish(channel, message)
+            num_bytes = self._bus.publish(channel, message)
             seq, stamp_ns = (message.seq, message.stamp_ns) if isinstance(message, Measurement) else (None, None)
-            self._traffic.sent(channel.key_expr, seq=seq, stamp_ns=stamp_ns)
+            self._traffic.sent(channel.key_expr, seq=seq, stamp_ns=stamp_ns, num_bytes=num_bytes)
 
     def _addressed(self, said: Message | Addressed) -> tuple[Channel, Message]:
         if isinstance(said, Addressed):
@@ -254,15 +257,20 @@ class ServiceLoop:
         channel, seq, stamp_ns = HEALTH.of(self._node.name), self._num_healths, self._traffic.stamp_ns
         self._num_healths += 1
         self._traffic.sent(channel.key_expr, seq=seq, stamp_ns=None)  # it counts itself, so that the last one is exact
+        inbox, load = self._inbox, self._process.look()
         health = Health(
             stamp_ns=stamp_ns,
             seq=seq,
             frame="",
             service=self._node.name,
             uptime_s=now_s - self._started_s,
-            rss_bytes=self._process.memory_info().rss,
+            rss_bytes=load.rss_bytes,
             busy_ratio=min(1.0, self._busy_s / elapsed_s),
-            channels=self._traffic.snapshot(dict(self._inbox.num_dropped), self._node.num_lost()),
+            channels=self._traffic.snapshot(dict(inbox.num_dropped), self._node.num_lost(), inbox.num_waiting()),
+            cpu_ratio=load.cpu_ratio,
+            num_open_files=load.num_open_files,
+            num_threads=load.num_threads,
+            shared_memory_bytes=load.shared_memory_bytes,
         )
         self._bus.publish(channel, health)
         self._last_health_s, self._busy_s = now_s, 0.0

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, model_validator
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
+from shared.errors import InputFileError
+from shared.files import read_text
 from shared.runtime.section import CONFIGS_DIR, InputFile, Section, Vector3
+from shared.yaml_reading import load_yaml
 
 PRESETS_DIR = CONFIGS_DIR / "sensors"
 
@@ -91,9 +92,9 @@ def _preset_path(kind: str, preset: Path, base_dir: Path) -> Path:
 
 def _read_preset(path: Path, known: set[str]) -> dict[str, Any]:
     try:
-        settings = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
-    except (OSError, YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not readable as YAML: {getattr(error, 'problem', None) or error}") from error
+        settings = load_yaml(read_text(path), str(path))
+    except InputFileError as error:
+        raise ValueError(str(error)) from error
     if not isinstance(settings, dict):
         raise ValueError(f"{path}: must be a map of settings, is {type(settings).__name__}")
     if strange := [str(name) for name in settings if name not in known]:
@@ -246,6 +247,7 @@ class DepthConfig(SensorConfig):
 
 
 OtherName = Annotated[str, Field(pattern=r"^(lidar|depth)_[a-z0-9_]+$")]
+RobotName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*$")]
 OtherSensor = Annotated[LidarConfig | DepthConfig, Field(discriminator="kind")]
 
 
@@ -256,14 +258,18 @@ class SensorsConfig(Section):
     depth: DepthConfig = Field(default_factory=lambda: DepthConfig.model_validate({}))
     others: dict[OtherName, OtherSensor] = Field(default_factory=dict)
     """Further sensors by name; the name begins with the kind, and is the first part of the sensor's keys."""
+    other_robots: tuple[RobotName, ...] = ()
+    """Namespaces (bus.namespace) of the robots in the same world: the sensors see them."""
 
     def named(self) -> dict[str, LidarConfig | DepthConfig]:
         """Every sensor that is configured, enabled or not, by its name."""
         return {"lidar": self.lidar, "depth": self.depth, **self.others}
 
     @model_validator(mode="after")
-    def _kinds_match(self) -> SensorsConfig:
+    def _names_fit(self) -> SensorsConfig:
         for name, sensor in self.others.items():
             if not name.startswith(sensor.kind):
                 raise ValueError(f"others.{name}: the name of a {sensor.kind} begins with {sensor.kind}_")
+        if len(set(self.other_robots)) < len(self.other_robots):
+            raise ValueError(f"other_robots names one twice: {', '.join(self.other_robots)}")
         return self

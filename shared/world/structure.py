@@ -54,12 +54,12 @@ def problems_of(structure: Structure) -> list[str]:
 def unique_names(raw_names: Iterable[str]) -> list[str]:
     """Names of letters, digits and _.- alone, in the same order; one that is taken gets a number behind it."""
     names: dict[str, None] = {}
+    numbers: Counter[str] = Counter()
     for raw in raw_names:
         name = candidate = re.sub(r"[^A-Za-z0-9_.-]+", "_", raw).strip("_") or "member"
-        number = 2
         while candidate in names:
-            candidate = f"{name}_{number}"
-            number += 1
+            numbers[name] += 1
+            candidate = f"{name}_{numbers[name] + 1}"
         names[candidate] = None
     return list(names)
 

@@ -12,7 +12,7 @@ from shared.files import read_text
 from shared.geometry import SE3
 from shared.mesh_files import mesh_uri
 from shared.meshes import mesh_of
-from shared.robot.description import Shape, UrdfModel
+from shared.robot.description import Joint, Shape, UrdfModel
 from shared.robot.urdf import parse_urdf
 from shared.solids import Box, Cylinder, Mesh, Sphere
 from shared.world.structure import Member, Structure, unique_names
@@ -60,7 +60,7 @@ def read_urdf_structure(path: Path) -> Structure:
     touched = {shape.link for shape in model.collisions}
     shapes = [*model.collisions, *(shape for shape in model.shapes if shape.link not in touched)]
     grounds = [shape for shape in shapes if _is_ground(shape, model.root)]
-    shapes = [shape for shape in shapes if shape not in grounds]
+    shapes = [shape for shape in shapes if not _is_ground(shape, model.root)]
     names = unique_names(shape.name or shape.link for shape in shapes)
     members = tuple(_member(shape, name, T_world_link, path) for shape, name in zip(shapes, names, strict=True))
     (name,) = unique_names([model.name or path.stem])
@@ -69,11 +69,13 @@ def read_urdf_structure(path: Path) -> Structure:
 
 def _link_poses(model: UrdfModel) -> dict[str, SE3]:
     poses = {model.root: SE3.identity()}
-    waiting = list(model.joints)
-    while waiting:  # each round places the children of links that stand already
-        placed = [joint for joint in waiting if joint.parent in poses]
-        poses |= {joint.child: poses[joint.parent] @ joint.T_parent_child() for joint in placed}
-        waiting = [joint for joint in waiting if joint.child not in poses]
+    joints: dict[str, list[Joint]] = {}
+    for joint in model.joints:
+        joints.setdefault(joint.parent, []).append(joint)
+    for link in (waiting := [model.root]):  # it grows by the children of each link
+        for joint in joints.get(link, ()):
+            poses[joint.child] = poses[link] @ joint.T_parent_child()
+            waiting.append(joint.child)
     return poses
 
 

@@ -10,8 +10,6 @@ from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from shared.errors import ConfigError, InputFileError
 from shared.files import read_text
@@ -19,6 +17,7 @@ from shared.geometry import SE3
 from shared.mesh_files import MAX_COORDINATE_M, mesh_uri, read_mesh
 from shared.solids import Box, Cylinder, Mesh, Solid, Vector3
 from shared.world.structure import MAX_LENGTH_M, Member, Structure
+from shared.yaml_reading import YamlError, load_yaml
 
 _PLATE_THINNESS = 0.25
 """A box is written as a plate if its thickness is less than this part of its width."""
@@ -31,17 +30,12 @@ def read_yaml_structure(path: Path) -> Structure:
         InputFileError: the file, or that of a mesh, cannot be read or is not what it should be.
         ConfigError: with one line for each problem: file, element, rule, value.
     """
-    text = read_text(path)
     try:
-        entry = _StructureEntry.model_validate(YAML(typ="safe", pure=True).load(text))
+        entry = _StructureEntry.model_validate(load_yaml(read_text(path), str(path)))
     except ValidationError as error:
         raise ConfigError([f"{path}: {_problem_text(details)}" for details in error.errors()]) from error
-    except YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f":{mark.line + 1}" if mark is not None else ""
-        raise InputFileError(f"{path}{place}: not valid YAML: {getattr(error, 'problem', None) or error}") from error
-    except RecursionError:
-        raise InputFileError(f"{path}: lists or maps are nested too deeply") from None
+    except YamlError as error:
+        raise InputFileError(str(error)) from error
     counts = Counter(part.name for part in entry.parts())
     if problems := [f"{path}: bar '{name}': defined {n} times" for name, n in counts.items() if n > 1]:
         raise ConfigError(problems)

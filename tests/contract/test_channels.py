@@ -12,6 +12,7 @@ from shared.messaging.channels import (
     LIDAR_POINTS,
     PREFIX,
     SENSOR_CHANNELS,
+    TF,
     Delivery,
     channel_of_key,
     channels_of,
@@ -108,3 +109,10 @@ def test_no_key_is_written_elsewhere():
         if literal.search(line)
     ]
     assert found == []
+
+
+def test_another_robot_s_channel_is_a_channel_of_its_own():
+    other = TF.of_robot("fleet/robot_b")
+    assert other.key_expr == "fleet/robot_b/hyrecro/tf"
+    assert other != TF
+    assert channel_of_key(other.key_expr) == TF

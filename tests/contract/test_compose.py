@@ -9,6 +9,7 @@ from ruamel.yaml import YAML
 
 from cli.pipeline import services_of
 from shared.messaging import bus
+from shared.messaging.queues import ROUTER_RUNTIME, queues_of_router
 from shared.runtime.config_loading import load_config
 from tests.support.processes import ROOT
 
@@ -39,6 +40,13 @@ def test_each_service_is_watched_and_restarted(name):
     assert OWN[name]["healthcheck"]["test"] == ["CMD", "hyrecro", "doctor", "--alive", name]
 
 
+def test_a_guard_keeps_each_service_running_but_no_climb_begins_again():
+    dockerfile = (ROOT / "Dockerfile").read_text()
+    assert 'ENTRYPOINT ["python", "-m", "shared.runtime.guard"]' in dockerfile
+    assert {name for name, service in OWN.items() if "entrypoint" in service} == {"player"}
+    assert OWN["player"]["entrypoint"] == ["python", "-m"]
+
+
 def test_the_router_has_the_clients_version_and_listens_on_loopback():
     router = COMPOSE["services"]["router"]
     assert router["image"] == f"eclipse/zenoh:{version('eclipse-zenoh')}"
@@ -53,7 +61,20 @@ def test_the_routers_file_sets_what_the_embedded_router_sets():
     queue = "transport/link/tx/queue"
     router = zenoh.Config.from_file(ROOT / "configs" / "zenoh" / "router.json5")
     embedded = zenoh.Config()
-    bus._set_queues(embedded)
+    bus._set_queues(embedded, queues_of_router())
     assert router.get_json(queue) == embedded.get_json(queue)
+    assert router.get_json("transport/shared_memory/transport_optimization/enabled") == "false"
     assert router.get_json("scouting/multicast/enabled") == "false"
     assert router.get_json("mode") == '"router"'
+    assert COMPOSE["services"]["router"]["environment"] == {"ZENOH_RUNTIME": ROUTER_RUNTIME}
+
+
+def test_over_several_hosts_each_service_is_on_one_of_them():
+    hosts = YAML().load(ROOT / "docker-compose.hosts.yml")["services"]
+    profiles = {name: service["profiles"] for name, service in hosts.items() if "profiles" in service}
+    assert set(profiles) == set(SERVICES)
+    assert {name for name, those in profiles.items() if those == ["base"]} == {"recorder", "evaluator"}
+    assert {name for name, those in profiles.items() if those == ["robot"]} == set(SERVICES) - {"recorder", "evaluator"}
+    assert list(hosts["router"]["ports"]) == ["${HYRECRO_LISTEN:-127.0.0.1}:7447:7447"], (
+        "loopback unless told otherwise"
+    )

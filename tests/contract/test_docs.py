@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from cli.announcer import NAME as SUPERVISOR
 from shared.messaging.channels import CHANNELS, SENSOR_CHANNELS
 from shared.runtime.config import CONFIGS_DIR
 from tools.docs.dataflow import dataflow_svg
@@ -42,7 +43,7 @@ def test_every_setting_says_what_it_means():
 
 def test_the_data_flow_shows_every_process_and_key():
     services = {path.parent.name for path in ROOT.glob("services/*/node.py")} - {"sensors"}
-    assert {wires.name for wires in all_wires()} == {PEOPLE} | services | set(SENSOR_CHANNELS)
+    assert {wires.name for wires in all_wires()} == {PEOPLE, SUPERVISOR} | services | set(SENSOR_CHANNELS)
     picture = dataflow_svg(all_wires())
     assert [channel.key for channel in CHANNELS if f">{channel.key}</text>" not in picture] == []
 

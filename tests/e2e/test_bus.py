@@ -1,6 +1,7 @@
 """The bus over a real router in this process: delivery, kept messages, commands, namespaces, schemas."""
 
 import threading
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from shared.errors import BusError, RefusedError
 from shared.messaging.bus import Bus, open_router
 from shared.messaging.channels import (
     DEPTH_POINTS,
+    HEALTH,
     JOINTS_STATE,
     JOINTS_TARGET,
     LEG_STATE,
@@ -17,7 +19,7 @@ from shared.messaging.channels import (
 )
 from shared.messaging.codec import decode, decode_command, encode
 from shared.messaging.inbox import Inbox
-from shared.messaging.messages import Foot, JointTarget, LegState, LegTarget, LidarScan
+from shared.messaging.messages import Foot, Health, JointTarget, LegState, LegTarget, LidarScan
 from shared.runtime.config import BusConfig
 from tests.support.processes import free_endpoint, wait_until
 
@@ -42,6 +44,10 @@ def buses(endpoint, request):
 def leg_state(seq, foot=Foot.A):
     pose = np.array([0, 0, 0, 0, 0, 0, 1.0])
     return LegState(stamp_ns=seq, seq=seq, frame="world", fixed_foot=foot, T_world_foot=pose)
+
+
+def heartbeat(service):
+    return Health(stamp_ns=0, seq=0, frame="", service=service, uptime_s=1.0, rss_bytes=1, busy_ratio=0.0, channels=())
 
 
 def scan(seq, num_points):
@@ -106,6 +112,37 @@ def test_a_late_joiner_asks_for_what_is_kept(buses):
     parcel = inbox.take(5.0)
     assert parcel.is_replay
     assert decode(LegState, parcel.payload).fixed_foot is Foot.B
+
+
+def test_a_late_joiner_gets_the_last_of_a_stream_too(buses):
+    a, b = buses
+    a.advertise(HEALTH.of("mapper"))
+    a.publish(HEALTH.of("mapper"), heartbeat("mapper"))
+    inbox = Inbox()
+    b.subscribe(HEALTH, inbox)
+    parcel = wait_until(lambda: inbox.take(1.0), "the last heartbeat")
+    assert (parcel.key, parcel.is_replay) == (HEALTH.of("mapper").key_expr, True)
+    assert inbox.take(0.2) is None
+
+
+def test_what_was_said_while_the_router_was_away_is_had_when_it_is_back():
+    config = BusConfig(endpoint=free_endpoint())
+    inbox = Inbox()
+    with ExitStack() as sessions:
+        with open_router(config.endpoint):
+            a, b = (sessions.enter_context(Bus(config)) for _ in range(2))
+            b.subscribe(LEG_STATE, inbox)
+            a.advertise(LEG_STATE)
+            a.announce("sim")
+            wait_until(lambda: b.alive() == {"sim"}, "the publisher")
+        a.publish(LEG_STATE, leg_state(7, Foot.B))
+        with open_router(config.endpoint):
+            parcel = wait_until(lambda: inbox.take(1.0), "what was said")
+            assert decode(LegState, parcel.payload) == leg_state(7, Foot.B)
+            wait_until(lambda: b.alive() == {"sim"}, "the token")
+            wait_until(lambda: a.is_wanted(LEG_STATE), "the subscription")
+            a.publish(LEG_STATE, leg_state(8))
+            assert decode(LegState, inbox.take(5.0).payload).seq == 8
 
 
 @pytest.mark.parametrize(
@@ -213,3 +250,28 @@ def test_closing_twice_is_fine(endpoint):
     bus.close()
     with Bus(BusConfig(endpoint=endpoint)) as other:
         assert other.alive() == set(), "its token is gone"
+
+
+def test_a_robot_hears_another_one_apart_from_itself(endpoint):
+    configs = [BusConfig(endpoint=endpoint, namespace=name) for name in ("robot_a", "robot_b")]
+    inbox = Inbox()
+    with Bus(configs[0]) as a, Bus(configs[1]) as b:
+        for bus, foot in ((a, Foot.A), (b, Foot.B)):
+            bus.advertise(LEG_STATE)
+            bus.publish(LEG_STATE, leg_state(1, foot))
+        a.subscribe(LEG_STATE, inbox)
+        a.subscribe(LEG_STATE.of_robot("robot_b"), inbox)
+        parcels = [wait_until(lambda: inbox.take(0.1), "what was last said") for _ in range(2)]
+    feet = {parcel.key: decode(LegState, parcel.payload).fixed_foot for parcel in parcels}
+    assert feet == {"hyrecro/leg/state": Foot.A, "robot_b/hyrecro/leg/state": Foot.B}
+
+
+def test_routers_join_whichever_runs_first(endpoint):
+    peers = [free_endpoint(), endpoint]
+    config = BusConfig(endpoint=free_endpoint())
+    with Bus(BusConfig(endpoint=endpoint)) as robot, open_router(config.endpoint, peers=peers), Bus(config) as base:
+        robot.advertise(LEG_STATE)
+        robot.publish(LEG_STATE, leg_state(1, Foot.B))
+        assert wait_until(lambda: base.ask(LEG_STATE, LegState), "the other host") == leg_state(1, Foot.B)
+        with open_router(peers[0]), Bus(BusConfig(endpoint=peers[0])) as late:
+            assert wait_until(lambda: late.ask(LEG_STATE, LegState), "a router that came later") is not None

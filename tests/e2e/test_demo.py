@@ -125,14 +125,14 @@ def test_a_killed_launcher_takes_its_services_along(tmp_path):
     assert run("rerun", "mcap", "check", tmp_path / "latest" / "run.mcap").returncode == 0
 
 
-def test_a_killed_recorder_leaves_a_readable_file_and_ends_the_run(tmp_path):
+def test_a_killed_recorder_leaves_a_readable_file(tmp_path):
     with started(hyrecro_command("up"), tmp_path) as running:
         wait_for_services(running, ALL_SERVICES)
         (recorder,) = (child for child in running.children() if "services.recorder" in child.cmdline())
         wait_until(lambda: running.state()["stamp_s"] > 2, "two seconds of simulated time")
         os.kill(recorder.pid, signal.SIGKILL)
-        assert running.process.wait(30) == 1
-        assert "recorder ended with exit code -9" in (tmp_path / "stderr.txt").read_text()
+        said = "recorder was killed by SIGKILL, is started again now"
+        wait_until(lambda: said in (tmp_path / "stderr.txt").read_text(), "the supervisor's word")
     assert last_whole_stamp_ns(tmp_path / "latest" / "run.mcap") > 1e9, "all but the last second is there"
 
 

@@ -46,7 +46,7 @@ def run_folder(tmp_path_factory):
 def test_the_file_is_complete_and_holds_every_channel(run_folder):
     recording = Recording(run_folder / "run.mcap")
     counts = {topic.topic: topic for topic in recording.topics()}
-    health = {HEALTH.of(name).topic for name in ALL_SERVICES}
+    health = {HEALTH.of(name).topic for name in (*ALL_SERVICES, "supervisor")}
     assert (
         set(counts) == {channel.topic for channel in CHANNELS if channel.is_recorded and channel is not HEALTH} | health
     )

@@ -135,6 +135,13 @@ EXAMPLES: tuple[m.Message, ...] = (
         uptime_s=3.5,
         rss_bytes=50_000_000,
         busy_ratio=0.25,
-        channels=(m.ChannelCount(key="hyrecro/tf", num_sent=350, last_seq=349),),
+        channels=(
+            m.ChannelCount(key="hyrecro/tf", num_sent=350, last_seq=349, num_bytes_sent=70_000),
+            m.ChannelCount(key="hyrecro/clock", num_received=9, num_waiting=2, wait_median_s=0.25, wait_max_s=1e-5),
+        ),
+        cpu_ratio=1.25,
+        num_open_files=32,
+        num_threads=17,
+        shared_memory_bytes=2_000_000,
     ),
 )

@@ -47,8 +47,8 @@ def transforms(stamp_ms, T_world_body=None):
     )
 
 
-def scanner(config=None, lidar_beams=None, seed=1, room=ROOM, robot_urdf=ROBOT):
-    lidar = LidarScanner(config or lidar_config(), lidar_beams or beams(), seed)
+def scanner(config=None, lidar_beams=None, seed=1, room=ROOM, robot_urdf=ROBOT, other_robots=()):
+    lidar = LidarScanner(config or lidar_config(), lidar_beams or beams(), seed, other_robots=other_robots)
     assert lidar.set_robot(robot(robot_urdf)) == []
     assert lidar.set_structure(structure(room)) == []
     return lidar

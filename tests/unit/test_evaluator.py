@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from services.evaluator.evaluator import Evaluator
+from services.evaluator.state import EvaluatorState
 from shared.errors import InputFileError
 from shared.geometry import SE3
-from shared.messaging.messages import Odometry, PointCloud, StructureDescription, TrackingMetrics, Transforms
+from shared.messaging.codec import decode, encode
+from shared.messaging.messages import Event, Odometry, PointCloud, StructureDescription, TrackingMetrics, Transforms
 from shared.runtime.config import EvaluatorConfig
 
 T_WORLD_START = SE3.trans(1.0, 2.0, 10.0) @ SE3.rot("z", 0.3)
@@ -143,3 +145,39 @@ def test_when_the_mapper_was_started_again_a_new_comparison_begins_without_its_m
     assert metrics.num_poses == 1
     assert (first.num_map_points, metrics.num_map_points) == (3, None)
     assert paired(evaluator, 4, error_m=0.5, seq=1)[0].drift_m == pytest.approx(0.0, abs=1e-12)
+
+
+# ---- deaths
+
+
+def fed(evaluator, numbers, error_m=0.0):
+    """The metrics after each pair."""
+    said = []
+    for k in numbers:
+        evaluator.add_transforms(truth(k))
+        said += evaluator.add_odometry(estimate(k, error_m if k else 0.0))
+    return [message for message in said if isinstance(message, TrackingMetrics)]
+
+
+def test_an_evaluator_that_was_killed_goes_on_with_the_same_link_and_errors():
+    whole, killed, again = (Evaluator(EvaluatorConfig(rate_hz=10.0)) for _ in range(3))
+    fed(killed, range(10), error_m=0.003)
+    assert fed(whole, range(10), error_m=0.003)
+    link, event = again.restore(decode(EvaluatorState, encode(killed.snapshot())))
+    np.testing.assert_allclose(link.T_parent_child[0], (T_WORLD_START @ SE3.trans(z_m=0.5)).xyz_quat_xyzw, atol=1e-12)
+    assert (link.parents, link.children, link.seq) == (("world",), ("map",), 1)
+    assert isinstance(event, Event)
+    assert "goes on with the errors of 10 poses" in event.text
+    for expected, metrics in zip(fed(whole, range(10, 15), 0.003), fed(again, range(10, 15), 0.003), strict=True):
+        assert metrics == expected
+
+
+def test_before_the_first_pair_there_is_nothing_to_keep():
+    assert Evaluator(EvaluatorConfig()).snapshot() is None
+
+
+def test_what_the_mapper_lost_is_not_hidden_by_a_new_link():
+    killed, again = Evaluator(EvaluatorConfig()), Evaluator(EvaluatorConfig(rate_hz=10.0))
+    fed(killed, range(10))
+    again.restore(killed.snapshot())
+    assert fed(again, [50], error_m=0.02)[0].last_error_m == pytest.approx(0.02)

@@ -116,3 +116,22 @@ def test_what_was_said_of_each_scan_is_noted():
     for k in range(3):
         in_turn.add_scan(scan(100 * k), 0)
     assert [len(said) for said in noted] == [1, 1, 1]
+
+
+@pytest.mark.parametrize("num_scans", [1, 9])
+def test_a_mapper_that_goes_on_waits_for_its_joints(num_scans):
+    log = Log()
+    in_turn = InTurn(log, MapperConfig())
+    in_turn.expect_joints()
+    for k in range(num_scans):
+        assert in_turn.add_scan(scan(100 * k), 0) == []
+    in_turn.add_joints(joints(2000))
+    assert [name for name, _ in log.given] == ["JointState"] + ["LidarScan"] * num_scans
+
+
+def test_it_does_not_wait_for_joints_without_end():
+    in_turn = InTurn(Log(), MapperConfig())
+    in_turn.expect_joints()
+    said = [len(in_turn.add_scan(scan(100 * k), 0)) for k in range(12)]
+    assert said[:9] == [0] * 9
+    assert sum(said) > 0

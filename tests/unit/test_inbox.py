@@ -1,5 +1,6 @@
 import threading
 
+from shared.messaging import inbox as inbox_module
 from shared.messaging.channels import CLOCK, LEG_STATE
 from shared.messaging.inbox import EVERY_DEPTH, Inbox, Parcel
 
@@ -45,6 +46,29 @@ def test_lossless_keeps_all_up_to_its_bytes():
     assert numbers(inbox) == list(range(10))
     assert inbox.put(parcel(CLOCK, 11, size=100)), "what was taken makes room again"
     assert inbox.num_dropped == {CLOCK.key_expr: 1}
+
+
+def test_all_that_waits_is_bounded_in_bytes(monkeypatch):
+    monkeypatch.setattr(inbox_module, "MAX_BYTES", 100)
+    inbox = Inbox()
+    assert inbox.put(parcel(LEG_STATE, 0, size=60))
+    assert not inbox.put(parcel(CLOCK, 1, size=41))
+    assert inbox.put(parcel(CLOCK, 2, size=20))
+    assert inbox.put(parcel(CLOCK, 3, size=20))
+    assert inbox.put(parcel(CLOCK, 4, size=20)), "the oldest of its own makes room"
+    assert numbers(inbox) == [0, 3, 4]
+    assert inbox.put(parcel(LEG_STATE, 5, size=100)), "what was taken makes room again"
+    assert inbox.num_dropped == {CLOCK.key_expr: 2}
+
+
+def test_what_waits_is_told_by_key():
+    inbox = Inbox()
+    for number in range(3):
+        inbox.put(parcel(LEG_STATE, number))
+    inbox.put(parcel(CLOCK, 3))
+    assert inbox.num_waiting() == {LEG_STATE.key_expr: 3, CLOCK.key_expr: 1}
+    numbers(inbox)
+    assert inbox.num_waiting() == {}
 
 
 def test_take_wakes_up_for_a_parcel_of_another_thread():

@@ -27,7 +27,7 @@ DATASHEET = {
 
 
 def effects(seed=1, **changes):
-    return LidarEffects(lidar_config(truth=True, **changes), BEAMS, SCENE, 0, seed)
+    return LidarEffects(lidar_config(truth=True, **changes), BEAMS, SCENE, slice(0), seed)
 
 
 def hits(range_m, cosine=1.0, face=PAINT):

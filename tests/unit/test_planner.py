@@ -3,17 +3,20 @@ import pytest
 
 from services.planner.planner import StepPlanner
 from services.planner.schedule import Schedule
+from services.planner.state import PlannerState
 from services.planner.step_planning import StepPlan
 from shared.climbing.climber import Climber
 from shared.climbing.stance import Stance
 from shared.errors import RefusedError
 from shared.geometry import SE3
 from shared.messaging.channels import JOINTS_TARGET, SIM_CONTROL
+from shared.messaging.codec import decode, encode
 from shared.messaging.messages import (
     Event,
     Foot,
     FootPhase,
     FootStatus,
+    FootTarget,
     JointState,
     JointTarget,
     LegState,
@@ -287,3 +290,46 @@ def test_a_stop_ends_the_step_where_it_is(robot):
     robot.take(robot.planner.add_foot_target(NEXT))
     robot.run()
     assert robot.phases[-1] is FootPhase.DONE
+
+
+# ---- deaths
+
+
+def test_a_foot_that_nobody_fixed_is_asked_for_again(robot):
+    robot.take(robot.planner.add_foot_target(NEXT))
+    robot.run()
+    robot.leg_targets.clear()
+    target = at((0.1, 0, 0), UP)
+    said = []
+    planner = robot.planner
+    planner.add_foot_target(FootTarget(foot=Foot.A, point_m=target.point_m, normal=target.normal))
+    for _ in range(250):
+        state = JointState(stamp_ns=robot.stamp_ns, seq=0, frame="", q=robot.q, dq=ZERO)
+        said += [message for message in planner.add_joint_state(state) if isinstance(message, LegTarget)]
+        robot.stamp_ns += 10_000_000
+    assert said == [LegTarget(foot=Foot.B)] * 3
+
+
+def test_a_planner_that_was_killed_says_that_its_step_has_ended(robot):
+    robot.take(robot.planner.add_foot_target(NEXT))
+    robot.tick(50)
+    state = decode(PlannerState, encode(robot.planner.snapshot()))
+    again = StepPlanner(PlannerConfig(), CLIMBER, seed=1)
+    (status,) = again.restore(state)
+    assert (status.foot, status.phase, status.seq) == (Foot.B, FootPhase.STOPPED, robot.statuses[-1].seq + 1)
+    assert "started again" in status.text
+    assert 0 < status.progress < 1
+    assert status.stamp_ns == robot.stamp_ns - 10_000_000
+    assert not again.is_busy
+
+
+def test_a_planner_that_had_nothing_to_do_says_nothing(robot):
+    assert StepPlanner(PlannerConfig(), CLIMBER, seed=1).restore(robot.planner.snapshot()) == []
+
+
+def test_a_step_goes_on_when_the_simulation_was_away(robot):
+    robot.take(robot.planner.add_foot_target(NEXT))
+    robot.tick(50)
+    robot.stamp_ns += 10_000_000_000
+    robot.run()
+    assert robot.statuses[-1].phase is FootPhase.DONE

@@ -6,6 +6,7 @@ from services.player.trajectory import ChangeFoot, MoveTo
 from shared.errors import PlaybackError, StoppedError
 from shared.messaging.messages import Event, Foot, JointState, JointTarget, LegState, LegTarget, Severity, Stop
 from shared.runtime.config import PlayerConfig
+from tests.support.robots import last, run, running
 
 CONFIG = PlayerConfig(num_steps=4, speed_radps=None, rate_hz=10.0, timeout_s=1.0)
 MOVE = MoveTo(np.full(8, 0.4), line=2)
@@ -144,3 +145,56 @@ def test_a_stop_ends_the_trajectory_and_names_the_line():
 def test_a_stop_after_the_last_row_is_nobodys_business():
     robot = standing_robot()
     assert robot.player.stop(Stop()) == []
+
+
+# ---- a robot, or a bus, that was away
+
+
+def test_what_nobody_heard_is_sent_again():
+    robot = standing_robot(MOVE)
+    for _ in range(4):
+        robot.is_at(0.0)
+    said = [command for _ in range(10) for command in robot.is_at(0.0)]  # a second of waiting
+    (again,) = said
+    np.testing.assert_allclose(again.q, MOVE.q)
+    assert again.duration_s == 0.1
+
+
+def test_a_foot_is_asked_for_again():
+    config = CONFIG.model_copy(update={"timeout_s": 30.0})
+    robot = standing_robot(ChangeFoot(line=2), config=config)
+    said = [command for _ in range(35) for command in robot.is_at(0.0)]
+    assert said == [LegTarget(foot=Foot.B)] * 4
+    robot.stands_on(Foot.B)
+    robot.is_at(0.0)
+    assert robot.player.is_done
+
+
+def test_it_goes_on_where_it_was_when_the_simulation_was_away_and_halted():
+    robot = standing_robot(MOVE)
+    first = [command for _ in range(2) for command in robot.is_at(0.0)]
+    robot.num_periods += 300  # nothing was heard for half a minute, or simulated time jumped
+    restored = Event(stamp_ns=0, seq=0, frame="", source="sim", severity=Severity.WARNING, text="restored at 3 s")
+    assert robot.player.add_event(restored) == []
+    dead = Event(stamp_ns=0, seq=0, frame="", source="supervisor", severity=Severity.ERROR, text="sim was killed")
+    assert robot.player.add_event(dead) == []
+    rest = [command for _ in range(2) for command in robot.is_at(0.15)]
+    np.testing.assert_allclose([command.q[0] for command in [*first, *rest]], [0.1, 0.2, 0.3, 0.4])
+
+
+def test_a_robot_whose_player_vanished_stands_within_a_period():
+    with running() as sim:
+        player = Player(CONFIG, (MoveTo(np.full(8, 0.02), line=2),))
+        messages = sim.start()
+        for _ in range(15):
+            for message in messages:
+                if isinstance(message, LegState):
+                    player.add_leg_state(message)
+                for command in player.add_joint_state(message) if isinstance(message, JointState) else ():
+                    sim.set_joint_target(command)
+            messages = sim.step()
+        moving = last(JointState, run(sim, 0.01))
+        assert np.abs(moving.dq).max() > 0.02
+        still = last(JointState, run(sim, 0.1))
+        assert np.abs(still.dq).max() == 0.0
+        assert np.array_equal(last(JointState, run(sim, 5.0)).q, still.q)

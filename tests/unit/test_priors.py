@@ -156,3 +156,32 @@ def test_legs_say_nothing_before_joints_and_feet_are_known(climb):
 def test_a_frame_that_the_robot_does_not_carry_has_no_mount():
     with pytest.raises(InputFileError, match="'os_sensor' is not fixed to any of foot_a, "):
         mount_of(MODEL, "os_sensor")
+
+
+def test_a_change_of_foot_that_nobody_saw_breaks_the_way(climb):
+    """The joints may have moved since: their posture then does not tell where the other foot stands."""
+    change_ns = next(each.stamp_ns for each in climb if isinstance(each, LegState) and each.fixed_foot is Foot.B)
+    away = range(change_ns - 400 * MS, change_ns + 200 * MS)
+    legs = fed([each for each in climb if each.stamp_ns not in away])
+    end_ns = max(each.stamp_ns for each in climb)
+    assert legs.step(away.start - 100 * MS, end_ns) is None
+    assert legs.motion(away.start - 100 * MS, end_ns) is None
+    true = {each.stamp_ns: FrameTree(each).T_root("lidar") for each in climb if isinstance(each, Transforms)}
+    start_ns = away.stop + 100 * MS
+    assert_same(legs.step(start_ns, end_ns), true[start_ns].inv() @ true[end_ns], 1e-6, 1e-6)
+
+
+def test_legs_that_were_restored_bridge_the_silence(climb):
+    died_ns, back_ns = 300 * MS, 600 * MS
+    before = fed([each for each in climb if each.stamp_ns <= died_ns])
+    postures = Postures()
+    postures.mount = mount_of(MODEL, "lidar")
+    after = LegOdometry(postures)
+    postures.restore(before._postures.snapshot(died_ns))
+    after.restore(before.snapshot())
+    for each in climb:
+        if each.stamp_ns >= back_ns and isinstance(each, JointState | LegState):
+            postures.add(each) if isinstance(each, JointState) else after.add_leg_state(each)
+    true = {each.stamp_ns: FrameTree(each).T_root("lidar") for each in climb if isinstance(each, Transforms)}
+    end_ns = max(true)
+    assert_same(after.step(died_ns, end_ns), true[died_ns].inv() @ true[end_ns], 1e-6, 1e-6)

@@ -271,7 +271,7 @@ def test_events_keep_source_and_severity(severity, level):
 
 
 def test_health_lists_each_counter_of_each_key():
-    count = m.ChannelCount(key="tf", num_sent=350, num_missed=2, last_seq=349)
+    count = m.ChannelCount(key="tf", num_sent=350, num_missed=2, last_seq=349, wait_max_s=0.5)
     (status,) = decoded(
         m.Health(**AT, frame="", service="sim", uptime_s=3.5, rss_bytes=50, busy_ratio=0.25, channels=(count,))
     ).status
@@ -280,12 +280,19 @@ def test_health_lists_each_counter_of_each_key():
         "uptime_s": "3.500",
         "rss_bytes": "50",
         "busy_ratio": "0.250",
+        "cpu_ratio": "0.000",
+        "num_open_files": "0",
+        "num_threads": "0",
+        "shared_memory_bytes": "0",
         "tf num_sent": "350",
+        "tf num_bytes_sent": "0",
         "tf num_received": "0",
         "tf num_missed": "2",
         "tf num_dropped": "0",
         "tf num_refused": "0",
+        "tf num_waiting": "0",
         "tf last_seq": "349",
+        "tf wait_max_s": "0.5",
     }
 
 

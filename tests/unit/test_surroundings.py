@@ -43,7 +43,7 @@ def test_the_structures_shapes_come_first_then_the_robots():
     surroundings = describe(around())
     assert surroundings.scene.names == ("bar", "post", "body", "eye")
     assert surroundings.scene.links == ("world", "body", "eye")
-    assert surroundings.num_structure_shapes == 2
+    assert surroundings.own_shapes == slice(2, 4)
 
 
 def test_a_sensor_that_does_not_see_the_robot_has_the_structure_alone():

@@ -10,8 +10,8 @@ def event(source, seq):
     return Event(stamp_ns=0, seq=seq, frame="", source=source, severity=Severity.INFO, text="")
 
 
-def counts(traffic, dropped=None, lost=None):
-    return {count.key: count for count in traffic.snapshot(dropped or {}, lost or {})}
+def counts(traffic, dropped=None, lost=None, waiting=None):
+    return {count.key: count for count in traffic.snapshot(dropped or {}, lost or {}, waiting or {})}
 
 
 def test_what_was_missed_on_the_way_is_told_from_what_was_dropped_here():
@@ -59,3 +59,33 @@ def test_a_replayed_message_is_known_if_it_or_a_later_one_came():
 
 def test_a_key_of_which_all_was_dropped_is_in_the_snapshot():
     assert counts(Traffic(), {"k": 9})["k"].num_dropped == 9
+
+
+def test_another_robot_s_stamps_are_not_our_time():
+    traffic = Traffic()
+    traffic.received("k", clock(0, stamp_ns=5))
+    traffic.received("robot_b/k", clock(0, stamp_ns=99), tells_time=False)
+    assert traffic.stamp_ns == 5
+    assert counts(traffic)["robot_b/k"].num_received == 1
+
+
+def test_how_long_messages_waited_is_told_once():
+    traffic = Traffic()
+    for wait_s in (0.5, 0.1, 0.2):
+        traffic.waited("k", wait_s)
+    count = counts(traffic)["k"]
+    assert (count.wait_median_s, count.wait_max_s) == (0.2, 0.5)
+    assert counts(traffic)["k"].wait_max_s is None
+
+
+def test_what_waits_is_in_the_snapshot_though_nothing_was_handled():
+    (count,) = Traffic().snapshot({}, {}, {"k": 3})
+    assert (count.key, count.num_waiting, count.num_received) == ("k", 3, 0)
+
+
+def test_bytes_are_counted_by_key():
+    traffic = Traffic()
+    for num_bytes in (100, 50):
+        traffic.sent("a", seq=0, stamp_ns=0, num_bytes=num_bytes)
+    traffic.sent("b", seq=0, stamp_ns=0)
+    assert (counts(traffic)["a"].num_bytes_sent, counts(traffic)["b"].num_bytes_sent) == (150, 0)

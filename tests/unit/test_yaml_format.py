@@ -73,7 +73,7 @@ def test_a_mesh_that_cannot_be_read_is_named_with_its_member(tmp_path):
 
 
 def test_a_file_that_is_nested_without_end_is_refused(tmp_path):
-    with pytest.raises(InputFileError, match=r"structure\.yaml: lists or maps are nested too deeply"):
+    with pytest.raises(InputFileError, match=r"structure\.yaml: not valid YAML: lists or maps are nested too deeply"):
         load_structure(written(tmp_path, "[" * 5000))
 
 

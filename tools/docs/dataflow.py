@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from html import escape
 
 from shared.messaging.channels import CHANNELS, Channel
@@ -23,7 +23,7 @@ _COLOURS = {
 }
 
 
-def dataflow_svg(wires: tuple[Wires, ...]) -> str:
+def dataflow_svg(wires: Sequence[Wires]) -> str:
     """The picture as SVG text, a column each."""
     columns = {wire.name: _LABEL_PX + _COLUMN_PX * (k + 0.5) for k, wire in enumerate(wires)}
     width = _LABEL_PX + _COLUMN_PX * len(wires) + _MARGIN_PX
@@ -60,7 +60,7 @@ def _heads(columns: dict[str, float], height: float) -> Iterator[str]:
         yield f'<path d="M{x} 54V{height - _FOOT_PX}" stroke="{_FAINT}" stroke-dasharray="2 4"/>'
 
 
-def _row(channel: Channel, y: float, wires: tuple[Wires, ...], columns: dict[str, float]) -> Iterator[str]:
+def _row(channel: Channel, y: float, wires: Sequence[Wires], columns: dict[str, float]) -> Iterator[str]:
     """A line from who sends to who takes: a disc where it begins, a ring where it is taken."""
     senders = [wire.name for wire in wires if channel.key in wire.sends]
     takers = [wire.name for wire in wires if channel.key in wire.takes]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cli.announcer import NAME as SUPERVISOR
+from tools.docs.access import router_file
 from tools.docs.commands import commands_page
 from tools.docs.dataflow import dataflow_svg
 from tools.docs.decisions import decisions_page
@@ -24,7 +26,8 @@ def generated_files() -> dict[Path, str]:
         DOCS / "reference" / "commands.md": commands_page(),
         DOCS / "reference" / "settings.md": settings_page(),
         DOCS / "adr" / "README.md": decisions_page(DOCS / "adr"),
-        DOCS / "pictures" / "dataflow.svg": dataflow_svg(all_wires()),
+        DOCS / "pictures" / "dataflow.svg": dataflow_svg([wired for wired in all_wires() if wired.name != SUPERVISOR]),
+        ROOT / "configs" / "zenoh" / "secure" / "router.json5": router_file(all_wires()),
         ROOT / "ARCHITECTURE.md": _with_table(ROOT / "ARCHITECTURE.md", channel_table()),
         DOCS / "ros.md": _with_table(DOCS / "ros.md", ros_table()),
     }

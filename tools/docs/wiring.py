@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 
+from cli import announcer
 from services.evaluator import node as evaluator
 from services.mapper import node as mapper
 from services.planner import node as planner
@@ -18,7 +19,7 @@ from services.sim import node as sim
 from services.teleop import node as teleop
 from services.viewer import node as viewer
 from services.viewer.live import LiveView
-from shared.messaging.channels import CHANNELS, EVENTS, HEALTH
+from shared.messaging.channels import CHANNELS, EVENTS, HEALTH, LEG_STATE
 from shared.runtime.config import Config
 from shared.runtime.config_loading import load_config
 from shared.runtime.node import Context, Node
@@ -29,11 +30,12 @@ PEOPLE = "people, programs"
 
 @dataclass(frozen=True, slots=True)
 class Wires:
-    """One service, or the people who command it, and the keys it sends and takes."""
+    """One service, or the people who command it, the keys it sends and takes, and the commands that it answers."""
 
     name: str
     sends: frozenset[str]
     takes: frozenset[str]
+    answers: frozenset[str] = frozenset()
 
 
 @cache
@@ -45,8 +47,8 @@ def all_wires() -> tuple[Wires, ...]:
         inputs = ("lidar", "depth") if name == "mapper" else ("lidar",)
         nodes = [_built(build, f"mapper.input={sensor}") for sensor in inputs]
         sent = {channel.key for node in nodes for channel in node.outputs} | {EVENTS.key, HEALTH.key}
-        everyone.append(Wires(name, frozenset(sent), frozenset(_inputs(nodes))))
-    return tuple(everyone)
+        everyone.append(Wires(name, frozenset(sent), frozenset(_inputs(nodes)), frozenset(_answers(nodes))))
+    return (*everyone, Wires(announcer.NAME, frozenset({EVENTS.key, HEALTH.key}), frozenset({LEG_STATE.key})))
 
 
 def _builders() -> dict[str, BuildNode]:
@@ -69,6 +71,16 @@ def _builders() -> dict[str, BuildNode]:
 
 def _inputs(nodes: Iterable[Node]) -> set[str]:
     return {channel.key for node in nodes for channel in node.inputs}
+
+
+def _answers(nodes: Iterable[Node]) -> set[str]:
+    """Observers leave commands to others to answer, but those that they name."""
+    return {
+        channel.key
+        for node in nodes
+        for channel in (node.answers if node.is_observer else node.inputs)
+        if channel.is_command
+    }
 
 
 def _built(build: BuildNode, override: str) -> Node:

@@ -26,7 +26,9 @@ from services.mapper.planes.search import (
     pieces_of,
     weakly_shifted,
 )
+from services.mapper.planes.snapshot import patch_map_of, table_state
 from services.mapper.registration import Points, RegistrationResult, Surface
+from services.mapper.state import PlanesState, TargetState
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
 
@@ -116,6 +118,37 @@ class PlaneMatcher:
         self._usual_gain = counts.gain
         self._usual_agreement = counts.agreement - 0.5 * _TOLERANCE
         self._num_scans = 1
+
+    def snapshot(self) -> TargetState:
+        """The map and what was learnt; of a scan that was aligned and not accepted, nothing."""
+        patch_map, n = self.patch_map, self.patch_map.num_patches
+        known = patch_map.arrays
+        state = PlanesState(
+            planes=known.planes[:n],
+            origins_m=known.origins[:n],
+            moments=known.moments[:n],
+            num_points=known.num_points[:n],
+            narrow=table_state(patch_map.narrow),
+            wide=table_state(patch_map.wide),
+            voxel_m=patch_map.voxel_m,
+            sigma_by_range_m=patch_map.sigma_by_range_m,
+            num_scans=self._num_scans,
+            usual_agreement=self._usual_agreement,
+            usual_gain=self._usual_gain,
+        )
+        return TargetState(planes=state)
+
+    def restore(self, state: TargetState) -> None:
+        """Goes on with a map.
+
+        Raises:
+            ValueError: it cannot be one of these settings.
+        """
+        if (known := state.planes) is None:
+            raise ValueError("is no map of planes")
+        self._map, self._found = patch_map_of(known, self._config.max_planes), None
+        self._num_scans = known.num_scans
+        self._usual_agreement, self._usual_gain = known.usual_agreement, known.usual_gain
 
     def align(self, points_lidar_m: Points, guesses: Sequence[SE3], widening: float) -> RegistrationResult:
         """The best place of a scan near the guesses of T_map_lidar, the most likely first; searches wider as needed."""

@@ -60,6 +60,15 @@ def with_room(table: VoxelTable, num_more: int, max_slots: int) -> VoxelTable:
     return larger
 
 
+def refilled(
+    table: VoxelTable, num_slots: int, keys: NDArray[np.int64], lists: NDArray[np.int32], hits: NDArray[np.int32]
+) -> VoxelTable:
+    """A table like an empty one with so many slots, a power of 2, and in it the voxels (K,) and their lists."""
+    filled = empty_table(1.0 / float(table.inverse_m[0]), table.lists.shape[1], num_slots)
+    _copy(VoxelTable(keys.copy(), lists.copy(), hits.copy(), table.num_used, table.inverse_m), filled)
+    return filled
+
+
 @lean_kernel()
 def voxel_key(x: float, y: float, z: float, inverse_m: float) -> int:
     """One integer a voxel, from coordinates in metres; voxels 2^20 and more from the origin share keys."""

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import struct
+import os
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO
 
-from mcap.exceptions import InvalidMagic, McapError
+from mcap.exceptions import InvalidMagic
 from mcap.records import Channel as McapChannel, McapRecord, Message as McapMessage
-from mcap.stream_reader import StreamReader
-from rosbags.serde import SerdeError
 
 from services.recorder.ros.reading import from_cdr
 from shared.errors import InputFileError, MessageError
+from shared.mcap_chunks import BROKEN, MAGIC, file_records
 from shared.messaging.channels import CHANNELS, PREFIX, Channel, channel_of_key
 from shared.messaging.messages import Message
 
@@ -37,10 +36,10 @@ class FileOrderReading:
         try:
             self.num_bytes = path.stat().st_size
             with path.open("rb") as file:
-                next(StreamReader(file).records)
+                next(file_records(file))
         except InvalidMagic as error:
             raise InputFileError(f"{path}: is no MCAP file") from error
-        except (OSError, McapError) as error:
+        except (OSError, *BROKEN) as error:
             raise InputFileError(f"{path}: cannot be read: {_reason(error)}") from error
 
     def messages(self, is_wanted: Callable[[Channel, int], bool]) -> Iterator[tuple[Channel, Message]]:
@@ -58,13 +57,16 @@ class FileOrderReading:
                             yield channel, message
 
     def _records(self, file: IO[bytes]) -> Iterator[McapRecord]:
-        records = StreamReader(file).records
+        records = file_records(file)
         while True:
             try:
                 record = next(records)
             except StopIteration:
+                file.seek(-len(MAGIC), os.SEEK_END)
+                self.is_truncated = file.read() != MAGIC
+                self.num_read = self.num_bytes
                 return
-            except (McapError, RuntimeError, struct.error):  # RuntimeError: of lz4
+            except BROKEN:
                 self.is_truncated = True
                 return
             self.num_read = file.tell()
@@ -73,7 +75,7 @@ class FileOrderReading:
     def _decoded(self, channel: Channel, record: McapMessage) -> Message | None:
         try:
             return from_cdr(channel, record.data, record.sequence, record.log_time)
-        except (SerdeError, MessageError, ValueError):
+        except MessageError:
             self.num_unreadable[channel.topic] += 1
             return None
 

@@ -15,13 +15,11 @@ from io import BytesIO
 from pathlib import Path
 
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Footer, Header, McapRecord, Metadata, Schema
-from mcap.stream_reader import breakup_chunk
-from zstandard import ZstdError
 
 from shared.errors import InputFileError
+from shared.mcap_chunks import BROKEN, records_of
 
 _MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")
@@ -30,8 +28,6 @@ _CHUNK = struct.Struct("<QQQII")
 """Of a chunk: first and last time, size and checksum before compression, length of the compression's name."""
 _CODECS = (b"", b"lz4", b"zstd")
 _FOOTER_CRC_BYTES = 4
-_BROKEN = (McapError, ZstdError, ValueError, RuntimeError, MemoryError, struct.error)
-"""What the libraries raise on bytes that are not what they should be."""
 _KINDS: dict[int, Callable[[ReadDataStream], McapRecord]] = {
     Opcode.HEADER: Header.read,
     Opcode.FOOTER: Footer.read,
@@ -158,7 +154,7 @@ class McapBlocks:
         content = BytesIO(self._bytes[position + _HEAD.size : end])
         try:
             record = read(ReadDataStream(content))
-        except _BROKEN:
+        except BROKEN:
             return None
         if isinstance(record, Chunk):
             return Block(position, end, self._records_of(record, position, end))
@@ -168,8 +164,8 @@ class McapBlocks:
 
     def _records_of(self, chunk: Chunk, position: int, end: int) -> list[McapRecord]:
         try:
-            return breakup_chunk(chunk, validate_crc=True)
-        except _BROKEN:
+            return records_of(chunk)
+        except BROKEN:
             self._note(position, end, "a chunk is damaged")
             return []
 
@@ -195,6 +191,6 @@ class McapBlocks:
     def _is_whole(self, position: int, end: int) -> bool:
         try:
             chunk = Chunk.read(ReadDataStream(BytesIO(self._bytes[position + _HEAD.size : end])))
-            return chunk.uncompressed_crc != 0 and bool(breakup_chunk(chunk, validate_crc=True))
-        except _BROKEN:
+            return chunk.uncompressed_crc != 0 and bool(records_of(chunk))
+        except BROKEN:
             return False

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
+from mcap.reader import SeekingReader
 from mcap.records import Statistics
 from mcap.summary import Summary
+
+from shared.mcap_chunks import BROKEN, size_of
 
 _MAGIC = b"\x89MCAP0\r\n"
 
@@ -32,11 +32,10 @@ def index_of(path: Path) -> Index | None:
             if file.read() != _MAGIC:
                 return None
             file.seek(0)
-            reader = make_reader(file, validate_crcs=True)
-            summary = reader.get_summary()
+            reader = SeekingReader(file, validate_crcs=True, record_size_limit=size_of(file))
+            if (summary := reader.get_summary()) is None or summary.statistics is None:
+                return None  # without an index the library would read all of the file
             metadata = {entry.name: dict(entry.metadata) for entry in reader.iter_metadata()}
-    except (McapError, OSError, ValueError, RuntimeError, MemoryError, LookupError, struct.error):
-        return None
-    if summary is None or summary.statistics is None:
+    except (OSError, *BROKEN):
         return None
     return Index(summary, summary.statistics, metadata)

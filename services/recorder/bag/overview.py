@@ -135,7 +135,7 @@ def _from_chunks(reader: RecordingReader, on_progress: Progress) -> _Contents:
 
 
 def _overview(path: Path, contents: _Contents, damage: list[str], *, has_index: bool) -> Overview:
-    written = {topic: json.loads(text) for topic, text in contents.metadata.get(COUNTS_METADATA, {}).items()}
+    written = {topic: written_counts(text) for topic, text in contents.metadata.get(COUNTS_METADATA, {}).items()}
     topics = tuple(
         Topic(
             topic=topic,
@@ -162,6 +162,16 @@ def _overview(path: Path, contents: _Contents, damage: list[str], *, has_index: 
         metadata=contents.metadata,
         topics=topics,
     )
+
+
+def written_counts(text: str) -> dict[str, int | None]:
+    """What a recorder wrote of a topic, from its JSON; nothing where that is damaged."""
+    try:
+        written = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    is_whole = isinstance(written, dict) and all(isinstance(value, int | None) for value in written.values())
+    return written if is_whole else {}
 
 
 def counts_of(written: Mapping[str, int | None]) -> TopicCounts:

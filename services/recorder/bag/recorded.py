@@ -39,9 +39,8 @@ class Recorded:
         """
         try:
             return from_cdr(self.channel, self.data, self.seq, self.stamp_ns)
-        except Exception as error:  # the ROS library and numpy raise anything on bytes that are not what they should be
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise UnreadableError(f"{self.channel.topic}, message {self.seq}: not readable: {reason}") from error
+        except (MessageError, ValueError) as error:
+            raise UnreadableError(f"{self.channel.topic}, message {self.seq}: not readable: {error}") from error
 
 
 class RecordingReader:

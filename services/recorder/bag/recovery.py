@@ -13,7 +13,7 @@ from mcap.writer import CompressionType, Writer
 
 from services.recorder.bag.mcap_blocks import Damage, McapBlocks
 from services.recorder.bag.mcap_index import index_of
-from services.recorder.bag.overview import Progress, counts_of
+from services.recorder.bag.overview import Progress, counts_of, written_counts
 from services.recorder.tally import COUNTS_METADATA, END_METADATA, INCOMPLETE
 from shared.errors import InputFileError
 from shared.messaging.channels import EVENTS, channel_of_topic
@@ -134,7 +134,7 @@ class _Copy:
         self._writer.add_metadata(COUNTS_METADATA, counts)
         self._writer.add_metadata(END_METADATA, {"state": INCOMPLETE, "reason": reason})
         self._writer.finish()  # type: ignore[no-untyped-call]
-        lost = {topic: counts_of(json.loads(text)).num_lost for topic, text in counts.items()}
+        lost = {topic: counts_of(written_counts(text)).num_lost for topic, text in counts.items()}
         return {topic: num for topic, num in lost.items() if num}
 
     def _topics(self) -> list[str]:
@@ -144,8 +144,9 @@ class _Copy:
         """As the recorder counted, if its counts are there; what it wrote and is no more counts as lost to disk."""
         num_here = self.num_messages[topic]
         text = self._metadata.get(COUNTS_METADATA, {}).get(topic)
-        if text is not None and "num_written" in (known := json.loads(text)):
-            num_lost = known["num_received"] + known.get("num_repeated", 0) - num_here
+        known = {} if text is None else written_counts(text)
+        if "num_written" in known:
+            num_lost = (known.get("num_received") or 0) + (known.get("num_repeated") or 0) - num_here
             return {**known, "num_written": num_here, "num_lost_to_disk": max(num_lost, 0)}
         counter = self._sequences.get(topic)
         return {"num_written": num_here, "num_lost_to_disk": 0 if counter is None else counter.num_missed}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -29,7 +30,8 @@ LOG_LEVELS = {m.Severity.INFO: 20, m.Severity.WARNING: 30, m.Severity.ERROR: 40}
 _DIAGNOSTIC_OK = 0
 """diagnostic_msgs/DiagnosticStatus.OK: a heartbeat reports numbers and leaves the verdict to the reader."""
 
-_COUNTERS = ("num_sent", "num_received", "num_missed", "num_dropped", "num_refused")
+_COUNTERS = ("num_sent", "num_bytes_sent", "num_received", "num_missed", "num_dropped", "num_refused", "num_waiting")
+_KNOWN_OR_NOT = ("last_seq", "wait_median_s", "wait_max_s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +48,7 @@ def to_cdr(message: m.Message, stamp_ns: int) -> tuple[str, memoryview]:
     stamp_ns: simulated time put into the headers.
 
     Raises:
-        MessageError: the message type has no ROS form, or the stamp is no ROS time.
+        MessageError: the message type has no ROS form, a number in it does not fit, or the stamp is no ROS time.
     """
     form = ROS_FORMS.get(type(message))
     if form is None:
@@ -54,7 +56,10 @@ def to_cdr(message: m.Message, stamp_ns: int) -> tuple[str, memoryview]:
         raise MessageError(f"{type(message).__name__} has no ROS form; these have one: {known}")
     if not 0 <= stamp_ns <= m.MAX_STAMP_NS:
         raise MessageError(f"{type(message).__name__}: stamp_ns is {stamp_ns}, must be within 0 .. {m.MAX_STAMP_NS}")
-    data = ros.typestore().serialize_cdr(form.build(message, stamp_ns), form.ros_type, little_endian=True)
+    try:
+        data = ros.typestore().serialize_cdr(form.build(message, stamp_ns), form.ros_type, little_endian=True)
+    except (struct.error, OverflowError, ValueError) as error:
+        raise MessageError(f"{type(message).__name__}: {form.ros_type} cannot hold it: {error}") from error
     return form.ros_type, data
 
 
@@ -272,11 +277,15 @@ def _health(health: m.Health, stamp_ns: int) -> object:
         "uptime_s": f"{health.uptime_s:.3f}",
         "rss_bytes": str(health.rss_bytes),
         "busy_ratio": f"{health.busy_ratio:.3f}",
+        "cpu_ratio": f"{health.cpu_ratio:.3f}",
+        "num_open_files": str(health.num_open_files),
+        "num_threads": str(health.num_threads),
+        "shared_memory_bytes": str(health.shared_memory_bytes),
     }
     for count in health.channels:
         values |= {f"{count.key} {name}": str(getattr(count, name)) for name in _COUNTERS}
-        if count.last_seq is not None:
-            values[f"{count.key} last_seq"] = str(count.last_seq)
+        known = {name: getattr(count, name) for name in _KNOWN_OR_NOT}
+        values |= {f"{count.key} {name}": str(value) for name, value in known.items() if value is not None}
     status = ros.new(
         "diagnostic_msgs/msg/DiagnosticStatus",
         level=_DIAGNOSTIC_OK,

@@ -15,6 +15,7 @@ import numpy as np
 from services.recorder.ros import command_reading as commands, schemas as ros, sensor_reading as sensors
 from services.recorder.ros.messages import LOG_LEVELS
 from services.recorder.ros.sensor_reading import stamp_ns_of
+from shared.errors import MessageError
 from shared.messaging import messages as m
 from shared.messaging.channels import Channel
 from shared.xml_reading import XmlError, root_of
@@ -27,14 +28,17 @@ def from_cdr(channel: Channel, data: bytes, seq: int, stamp_ns: int = 0) -> m.Me
 
     Raises:
         ValueError: the channel's messages cannot be read back.
-        MessageError, or what the ROS library raises: the bytes are not such a message.
+        MessageError: the bytes are not such a message.
     """
     read = _FROM_ROS.get(channel.message)
     if read is None:
         raise ValueError(f"{channel.key}: its messages cannot be read back from a recording")
-    message = read(ros.typestore().deserialize_cdr(data, channel.ros_type), seq)
-    if isinstance(message, m.RobotDescription | m.FixedFootDescription | m.StructureDescription):
-        return replace(message, stamp_ns=stamp_ns)
+    try:
+        message = read(ros.typestore().deserialize_cdr(data, channel.ros_type), seq)
+        if isinstance(message, m.RobotDescription | m.FixedFootDescription | m.StructureDescription):
+            return replace(message, stamp_ns=stamp_ns)
+    except Exception as error:  # the ROS library and numpy raise anything on bytes that are not what they should be
+        raise MessageError(" ".join(str(error).split()) or type(error).__name__) from error
     return message
 
 
@@ -222,11 +226,11 @@ def _structure(ros_message: Any, seq: int) -> m.StructureDescription:
 def _health(ros_message: Any, seq: int) -> m.Health:
     (status,) = ros_message.status
     values = {pair.key: pair.value for pair in status.values}
-    counts: dict[str, dict[str, int]] = {}
+    counts: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         key, _, counter = name.rpartition(" ")
         if key:
-            counts.setdefault(key, {})[counter] = int(value)
+            counts.setdefault(key, {})[counter] = float(value) if counter.endswith("_s") else int(value)
     return m.Health(
         stamp_ns=stamp_ns_of(ros_message.header.stamp),
         seq=seq,
@@ -236,6 +240,8 @@ def _health(ros_message: Any, seq: int) -> m.Health:
         rss_bytes=int(values["rss_bytes"]),
         busy_ratio=float(values["busy_ratio"]),
         channels=tuple(m.ChannelCount(key=key, **counters) for key, counters in counts.items()),
+        cpu_ratio=float(values.get("cpu_ratio", 0.0)),  # recordings of before have none of these
+        **{name: int(values.get(name, 0)) for name in ("num_open_files", "num_threads", "shared_memory_bytes")},
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,13 +32,21 @@ _SIGHT_PER_RANGE = 2.0
 
 
 class DepthCamera:
-    """Looks at the structure and the robot, all pixels at once, at the stamp of the transforms it looks from.
+    """Looks at the structure, the robot and others, all pixels at once, at the stamp of the transforms it looks from.
 
     Time is divided into periods from zero on; the first transforms in each make its image, so a late one delays no
-    other. seed: the same gives the same images. wants_points: whether somebody takes clouds now.
+    other. seed: the same gives the same images. wants_points: whether somebody takes clouds now. other_robots: their
+    names.
     """
 
-    def __init__(self, config: DepthConfig, seed: int, wants_points: Callable[[], bool], name: str = "depth") -> None:
+    def __init__(
+        self,
+        config: DepthConfig,
+        seed: int,
+        wants_points: Callable[[], bool],
+        name: str = "depth",
+        other_robots: Sequence[str] = (),
+    ) -> None:
         self._config = config
         self._camera = pinhole_of(config)
         self._wants_points = wants_points
@@ -48,6 +56,7 @@ class DepthCamera:
             config.frame,
             sees_robot=config.self_hits,
             sensor_name=name,
+            other_robots=other_robots,
             on_scene=self._backend.set_scene,
         )
         self._schedule = Schedule(config.rate_hz)
@@ -71,6 +80,24 @@ class DepthCamera:
         self._surroundings.set_structure(description)
         return []
 
+    def set_other(self, name: str, description: RobotDescription) -> list[Message]:
+        """Takes the visible shapes of another robot.
+
+        Raises:
+            InputFileError: the URDF is malformed.
+        """
+        self._surroundings.set_other(name, description)
+        return []
+
+    def place_other(self, name: str, transforms: Transforms) -> list[Message]:
+        """Takes where another robot is from now on.
+
+        Raises:
+            MessageError: they do not begin at `world`, or leave out a link that can be seen.
+        """
+        self._surroundings.place_other(name, transforms)
+        return []
+
     def add_transforms(self, transforms: Transforms) -> list[Message]:
         """An image and its intrinsics, if both descriptions are known and the period has none yet; a cloud if wanted.
 
@@ -79,7 +106,7 @@ class DepthCamera:
         """
         if self._surroundings.scene is None or not self._schedule.is_due(transforms.stamp_ns):
             return []
-        image = self.image(transforms)
+        image = self.image(self._surroundings.joined(transforms))
         self._num_images += 1
         messages: list[Message] = [image, self._info(image)]
         return [*messages, self._cloud(image)] if self._wants_points() else messages
@@ -142,7 +169,7 @@ def _truth(scene: Scene | None, hits: Hits) -> dict[str, Any]:
     assert scene is not None
     is_hit = hits.face != NO_FACE
     return {
-        "member": _of_faces(scene.shape, hits.face),
+        "member": _of_faces(scene.member_of_face, hits.face),
         "face": _of_faces(scene.face, hits.face),
         "true_depth_m": np.where(is_hit, hits.range_m, np.float32(0.0)).reshape(-1),
     }

@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from services.sensors.lidar.beams import Beams
 from shared.errors import InputFileError
 from shared.files import read_text
 from shared.geometry import SE3
+from shared.yaml_reading import YamlError, load_yaml
 
 NUM_BEAMS = 128
 """An OS1-128 has as many."""
@@ -47,9 +46,9 @@ def read_beams(path: Path, num_columns: int) -> Beams:
 
 def _parsed_yaml(path: Path) -> Mapping[str, Any]:
     try:
-        table = YAML(typ="safe").load(read_text(path))
-    except YAMLError as error:
-        raise InputFileError(f"{path}: not valid YAML: {getattr(error, 'problem', None) or error}") from error
+        table = load_yaml(read_text(path), str(path))
+    except YamlError as error:
+        raise InputFileError(str(error)) from error
     if not isinstance(table, dict):
         raise InputFileError(f"{path}: must be a table of beams, is {type(table).__name__}")
     return table

@@ -42,9 +42,9 @@ class Returns:
 
 
 class LidarEffects:
-    """The errors of one LiDAR in front of one scene, whose last shapes may be the robot's own."""
+    """The errors of one LiDAR in front of one scene. own_shapes: which of its shapes are the LiDAR's own robot."""
 
-    def __init__(self, config: LidarConfig, beams: Beams, scene: Scene, num_robot_shapes: int, seed: int) -> None:
+    def __init__(self, config: LidarConfig, beams: Beams, scene: Scene, own_shapes: slice, seed: int) -> None:
         self._seed = np.uint64(seed)
         self._origins_m = beams.origins_m().astype(np.float32)
         self._rotations = beams.column_rotations().astype(np.float32)
@@ -52,7 +52,8 @@ class LidarEffects:
         surfaces = [config.surfaces.get(material, config.surfaces["default"]) for material in scene.materials]
         self._surfaces = np.array([_surface_row(surface, config.incidence_fade_deg) for surface in surfaces])
         self._surfaces = self._surfaces.reshape(-1, 4).astype(np.float32)[scene.shape]
-        is_robot = np.arange(len(surfaces)) >= len(surfaces) - num_robot_shapes
+        is_robot = np.zeros(len(surfaces), dtype=np.bool_)
+        is_robot[own_shapes] = True
         self._is_filtered = (is_robot & config.body_filter)[scene.shape]
         even_signal = _DETECTION_REFLECTIVITY / config.detection_range_m**2 if config.detection_range_m else 0.0
         sure_weakness = _SURE_ODDS ** (-1 / config.detection_steepness)

@@ -21,19 +21,25 @@ _NUM_BLOCKS = 32
 
 
 class LidarScanner:
-    """Scans the structure and the robot itself.
+    """Scans the structure, the robot itself and other robots.
 
     Simulated time is divided into revolutions from zero on. A still sensor takes all columns of a revolution at once,
     from the first transforms in it. With `rolling_shutter` columns fire in turn: the scan of a revolution is stamped
     with its beginning, and taken when transforms from its end are there; a revolution that nothing is known of has
-    none. seed: the same seed gives the same scans of the same moments.
+    none. seed: the same seed gives the same scans of the same moments. other_robots: their names.
     """
 
-    def __init__(self, config: LidarConfig, beams: Beams, seed: int, name: str = "lidar") -> None:
+    def __init__(
+        self, config: LidarConfig, beams: Beams, seed: int, name: str = "lidar", other_robots: Sequence[str] = ()
+    ) -> None:
         self._config, self._beams, self._seed = config, beams, seed
         self._backend = make_backend(config.backend)
         self._surroundings = Surroundings(
-            config.frame, sees_robot=config.self_hits, sensor_name=name, on_scene=self._set_scene
+            config.frame,
+            sees_robot=config.self_hits,
+            sensor_name=name,
+            other_robots=other_robots,
+            on_scene=self._set_scene,
         )
         self._effects: LidarEffects | None = None
         self._schedule = Schedule(config.rate_hz)
@@ -60,6 +66,24 @@ class LidarScanner:
         self._surroundings.set_structure(description)
         return []
 
+    def set_other(self, name: str, description: RobotDescription) -> list[LidarScan]:
+        """Takes the visible shapes of another robot.
+
+        Raises:
+            InputFileError: the URDF is malformed.
+        """
+        self._surroundings.set_other(name, description)
+        return []
+
+    def place_other(self, name: str, transforms: Transforms) -> list[LidarScan]:
+        """Takes where another robot is from now on.
+
+        Raises:
+            MessageError: they do not begin at `world`, or leave out a link that can be seen.
+        """
+        self._surroundings.place_other(name, transforms)
+        return []
+
     def add_transforms(self, transforms: Transforms) -> list[LidarScan]:
         """The scans that these transforms complete, if both descriptions are known.
 
@@ -69,8 +93,10 @@ class LidarScanner:
         if self._effects is None:
             return []
         if self._config.rolling_shutter:
-            return self._add_to_revolution(transforms)
-        return [self.scan([transforms])] if self._schedule.is_due(transforms.stamp_ns) else []
+            return self._add_to_revolution(self._surroundings.joined(transforms))
+        if not self._schedule.is_due(transforms.stamp_ns):
+            return []
+        return [self.scan([self._surroundings.joined(transforms)])]
 
     def scan(self, transforms: Sequence[Transforms], start_ns: int | None = None) -> LidarScan:
         """One scan from there, due or not.
@@ -109,8 +135,8 @@ class LidarScanner:
 
     def _set_scene(self, scene: Scene) -> None:
         self._backend.set_scene(scene)
-        num_robot_shapes = len(scene.names) - self._surroundings.num_structure_shapes
-        self._effects = LidarEffects(self._config, self._beams, scene, num_robot_shapes, self._seed)
+        self._effects = LidarEffects(self._config, self._beams, scene, self._surroundings.own_shapes, self._seed)
+        self._waiting.clear()  # they may know nothing of who is in the scene now
 
     def _add_to_revolution(self, transforms: Transforms) -> list[LidarScan]:
         waiting, period_ns = self._waiting, self._period_ns
@@ -137,7 +163,7 @@ class LidarScanner:
             intensity=returns.intensity,
             t_ns=t_ns[returns.column] if len(t_ns) > 1 else np.zeros(len(returns.ring), dtype=np.uint32),
             ring=returns.ring,
-            member=scene.shape[returns.face] if is_true else None,
+            member=scene.member_of_face[returns.face] if is_true else None,
             face=scene.face[returns.face] if is_true else None,
             true_range_m=returns.true_range_m if is_true else None,
         )

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import IO
 
 from mcap.exceptions import EndOfFile, InvalidMagic
-from mcap.reader import make_reader
-from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.reader import SeekingReader
+from mcap.records import Channel, McapRecord, Message, Schema
 
 from services.sensors.sources.bag import RosMessages, readable, ros2_types
+from shared.mcap_chunks import file_records, size_of
 
 _MAGIC = b"\x89MCAP0\r\n"
 """At both ends of a whole file."""
@@ -40,7 +40,7 @@ class McapFile:
         with readable(self._path), self._path.open("rb") as file:
             catalogue = _Catalogue()
             try:
-                for record in _records(file):
+                for record in file_records(file):
                     if isinstance(record, Message):
                         topic, ros_type = catalogue.channels[record.channel_id]
                         if topic in topics:
@@ -76,10 +76,10 @@ class _Catalogue:
 
 def _indexed_topics(file: IO[bytes]) -> dict[str, str]:
     """Those in the summary at the end of the file; none if it has none."""
-    reader = make_reader(file)
     if not _has_end(file):
         return {}
-    summary = reader.get_summary()
+    file.seek(0)
+    summary = SeekingReader(file, record_size_limit=size_of(file)).get_summary()
     return _Catalogue().topics([*summary.schemas.values(), *summary.channels.values()]) if summary else {}
 
 
@@ -89,20 +89,8 @@ def _has_end(file: IO[bytes]) -> bool:
 
 
 def _all_topics(file: IO[bytes]) -> dict[str, str]:
-    file.seek(0)
     catalogue = _Catalogue()
     try:
-        return catalogue.topics(_records(file))
+        return catalogue.topics(file_records(file))
     except _CUT:
         return dict(catalogue.channels.values())
-
-
-def _records(file: IO[bytes]) -> Iterator[McapRecord]:
-    """The records before the summary, those of a chunk once all of it is there and its checksum is right."""
-    for record in StreamReader(file, emit_chunks=True).records:
-        if isinstance(record, DataEnd):
-            return
-        if isinstance(record, Chunk):
-            yield from breakup_chunk(record, validate_crc=True)
-        else:
-            yield record

@@ -1,0 +1,1 @@
+"""Bad input on purpose: mutations of good input, and the coverage-guided campaigns over every reader."""
