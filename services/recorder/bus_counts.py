@@ -31,6 +31,8 @@ class _Publisher:
 
     def take(self, seq: int) -> int:
         last_seq = self.counter.last_seq
+        if self.counter.is_late(seq):
+            return self.counter.add(seq)
         if last_seq is not None and seq <= last_seq:  # started again: what was outstanding is lost
             self.num_lost, self.told_seq = self.num_outstanding, None
         num_lost, self.num_lost = self.num_lost, 0

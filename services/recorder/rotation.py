@@ -64,7 +64,7 @@ class FileSeries:
             self._kept[record.channel.key] = record
         counts = self._tally.of(record.channel)
         counts.num_received += 1
-        counts.num_lost_on_bus += record.num_missed
+        counts.num_lost_on_bus = max(0, counts.num_lost_on_bus + record.num_missed)  # -1: it was counted, and came late
         self._write(record)
 
     def add_lost(self, channel: Channel, num_received: int, num_missed: int) -> None:

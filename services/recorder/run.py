@@ -105,7 +105,7 @@ class Run:
         for key, channel in sorted(self._channels.items()):
             num_received = writer.num_received[key]
             num_written, num_lost = progress.get(key, (0, 0))
-            num_missed = min(writer.num_missed[key] + outstanding.get(key, 0), MAX_COUNT - num_received)
+            num_missed = max(0, min(writer.num_missed[key] + outstanding.get(key, 0), MAX_COUNT - num_received))
             records.append(
                 ChannelRecord(
                     key=key,

@@ -115,7 +115,8 @@ class _Follower:
     def _follow(self, message: Measurement) -> None:
         report, source = self.report, source_of(message)
         counter = self._sources.setdefault(source, SequenceCounter())
-        is_back = counter.last_seq is not None and message.seq <= counter.last_seq
+        is_late = counter.is_late(message.seq)
+        is_back = not is_late and counter.last_seq is not None and message.seq <= counter.last_seq
         report.num_restarts += is_back
         missed = counter.add(message.seq)
         report.num_gaps += 0 if is_back else missed
