@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from services.mapper.keyframe_map import in_reach
 from services.mapper.methods.registry import registration_class
+from services.mapper.point_matcher import ALIGNED_VOXELS
 from services.mapper.registration import MIN_POINTS, Points, Registration, RegistrationResult
 from services.mapper.voxel_map import VoxelMap, voxel_centroids
 from shared.geometry import SE3
 from shared.runtime.config import MapperConfig
 
 _METHOD = "gicp"
-_ALIGNED_VOXELS = 1.5
 _GROWTH = 1.05
 """The target is made anew when the cloud has grown by so much."""
 _MAX_WAY = 0.5
@@ -33,7 +34,7 @@ class CloudAlignment:
 
     def align(self, points_m: Points, T_map_sensor: SE3) -> RegistrationResult | None:
         """The place of a scan (N, 3), in the sensor's frame, near a pose; None where it does not fit the cloud."""
-        thinned_m = voxel_centroids(points_m, _ALIGNED_VOXELS * self._config.voxel_size_m)
+        thinned_m = voxel_centroids(points_m, ALIGNED_VOXELS * self._config.voxel_size_m)
         if len(thinned_m) < MIN_POINTS or len(self._voxels) < MIN_POINTS:
             return None
         registration = self._target(T_map_sensor)
@@ -46,8 +47,5 @@ class CloudAlignment:
         if self._registration is None or is_old:
             points_m = self._voxels.points_m
             self._num_points, self._at_m = len(points_m), T_map_sensor.translation
-            is_near = np.linalg.norm(points_m - self._at_m, axis=1) <= 2.0 * self._config.max_range_m
-            self._registration = self._method(
-                points_m[is_near] if is_near.sum() >= MIN_POINTS else points_m, self._config
-            )
+            self._registration = self._method(in_reach(points_m, self._at_m, self._config), self._config)
         return self._registration

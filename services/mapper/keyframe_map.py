@@ -72,8 +72,7 @@ class KeyframeMap:
     def _aim(self, near_m: NDArray[np.float64]) -> None:
         self._near_m = near_m
         points_m = self._voxels.points_m
-        is_near = np.linalg.norm(points_m - near_m, axis=1) <= 2.0 * self._config.max_range_m
-        target_m = points_m[is_near] if is_near.sum() >= MIN_POINTS else points_m
+        target_m = in_reach(points_m, near_m, self._config)
         self.registration: Registration = self._method(target_m, self._config)
 
 
@@ -107,3 +106,9 @@ class LastScan:
         """Takes a located scan (N, 3) in place of the one before."""
         self._points_m = np.asarray(T_map_lidar.apply(points_lidar_m), dtype=np.float64)
         self.registration: Registration = self._method(self._points_m, self._config)
+
+
+def in_reach(points_m: NDArray[np.float64], near_m: NDArray[np.float64], config: MapperConfig) -> NDArray[np.float64]:
+    """Those points (N, 3) within twice the sensor's range of a place (3,); all, where there are too few."""
+    is_near = np.linalg.norm(points_m - near_m, axis=1) <= 2.0 * config.max_range_m
+    return points_m[is_near] if is_near.sum() >= MIN_POINTS else points_m

@@ -27,7 +27,7 @@ from shared.runtime.config import MapperConfig
 
 _CLEAR_SCORE = 0.6
 """From here on no other pose is tried: a scan that slipped by 4 cm or more on a lattice stays below."""
-_ALIGNED_VOXELS = 1.5
+ALIGNED_VOXELS = 1.5
 """Scans are aligned in voxels so many times as wide as those of the map, which is half the points.
 
 Source: Vizzo et al., "KISS-ICP", RA-L 2023, which thins twice in this way.
@@ -86,7 +86,7 @@ class PointMatcher:
         """
         registration = self._started().registration
         self._scan_m = points_lidar_m
-        thinned_m = voxel_centroids(points_lidar_m, _ALIGNED_VOXELS * self._config.voxel_size_m)
+        thinned_m = voxel_centroids(points_lidar_m, ALIGNED_VOXELS * self._config.voxel_size_m)
         if len(thinned_m) < MIN_POINTS:
             return nothing_found(len(thinned_m), guesses[0])
         results = []
@@ -120,7 +120,7 @@ class PointMatcher:
             RegistrationError: there is no target yet.
         """
         target_m = self._started().points_m
-        thinned_m = voxel_centroids(points_lidar_m, _ALIGNED_VOXELS * self._config.voxel_size_m)
+        thinned_m = voxel_centroids(points_lidar_m, ALIGNED_VOXELS * self._config.voxel_size_m)
         if len(thinned_m) < MIN_POINTS:
             return None
         candidates = GlobalStart(target_m, self._config.voxel_size_m).candidates(points_lidar_m, _MAX_PLACES)
