@@ -9,7 +9,10 @@ def named_children(process: psutil.Process) -> dict[str, psutil.Process]:
     """Router and services that `hyrecro up` has started: a sensor by its own name, a service by its module's."""
     named = {}
     for child in process.children():
-        arguments = child.cmdline()
+        try:
+            arguments = child.cmdline()
+        except psutil.NoSuchProcess:  # ended since
+            continue
         if "--sensor" in arguments:
             named[arguments[arguments.index("--sensor") + 1]] = child
         elif "-m" in arguments:

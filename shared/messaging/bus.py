@@ -1,4 +1,4 @@
-"""The bus: one Zenoh session as publishers, subscribers, commands and queries on channels. Alone in importing zenoh."""
+"""The bus: one Zenoh session as publishers, subscribers, commands and queries. It and its pool alone import zenoh."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from shared.messaging.codec import MIME, decode, encode, schema_of
 from shared.messaging.credentials import SECURE_ROUTER, WHY_REFUSED, credential_of, router_settings
 from shared.messaging.inbox import Inbox, Parcel
 from shared.messaging.messages import Message
-from shared.messaging.queues import BATCH_BYTES, ROUTER_RUNTIME, queues_of_client, queues_of_router
+from shared.messaging.pool import Pool
+from shared.messaging.queues import ROUTER_RUNTIME, queues_of_client, queues_of_router
 from shared.runtime.config import BusConfig
 from shared.runtime.roles import OPERATOR
 
@@ -50,6 +51,7 @@ class Bus:
             reason = error if config.credentials is None else WHY_REFUSED
             raise BusError(f"cannot open a session on {config.endpoint}: {reason}") from error
         self._config, self._name = config, name
+        self._pool = Pool(config.shared_memory_mib * 1024 * 1024)
         self._open_session: zenoh.Session | None = None
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._kept: dict[str, tuple[bytes, str]] = {}
@@ -78,7 +80,7 @@ class Bus:
         payload = encode(message)
         if channel.is_kept:  # first, or a late joiner's question could fall between the two
             self._kept[channel.key] = (payload, f"{MIME};{schema_of(channel.message)}")
-        self._publishers[channel.key].put(payload)
+        self._publishers[channel.key].put(self._pool.place(payload))
         return len(payload)
 
     def is_wanted(self, channel: Channel) -> bool:
@@ -167,6 +169,7 @@ class Bus:
         for session in (self._session, self._open_session):
             if session is not None and not session.is_closed():
                 session.close()  # type: ignore[no-untyped-call]
+        self._pool.close()
 
     def __enter__(self) -> Bus:
         return self
@@ -207,7 +210,7 @@ class Bus:
     def _answer_kept(self, channel: Channel, query: zenoh.Query) -> None:
         with query:
             if (kept := self._kept.get(channel.key)) is not None:
-                query.reply(channel.key_expr, kept[0], encoding=kept[1])
+                query.reply(channel.key_expr, self._pool.place(kept[0]), encoding=kept[1])
 
 
 @contextlib.contextmanager
@@ -281,10 +284,7 @@ def _client_settings(config: BusConfig, name: str) -> zenoh.Config:
     settings.insert_json5("timestamping/enabled", "true")
     _set_queues(settings, queues_of_client())
     settings.insert_json5("transport/shared_memory/enabled", json.dumps(config.shared_memory_mib > 0))
-    if config.shared_memory_mib:
-        pool = config.shared_memory_mib * 1024 * 1024
-        settings.insert_json5(f"{_SHARED_MEMORY}/pool_size", str(pool))
-        settings.insert_json5(f"{_SHARED_MEMORY}/message_size_threshold", str(BATCH_BYTES))
+    settings.insert_json5(f"{_SHARED_MEMORY}/enabled", "false")  # the bus has a pool of its own
     if config.namespace:
         settings.insert_json5("namespace", json.dumps(config.namespace))
     return settings

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
+
+_AT_WORK = "RD"
+"""States of proc(5): running or runnable, waiting for a disk."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +22,16 @@ class Load:
     shared_memory_bytes: int
     num_open_files: int
     num_threads: int
+
+
+def is_at_work(pid: int) -> bool:
+    """Whether a thread of the process runs, waits for a processor, or for a disk: it is neither stopped nor asleep."""
+    for stat in Path(f"/proc/{pid}/task").glob("*/stat"):
+        with contextlib.suppress(OSError):  # the thread has ended since
+            state = stat.read_text().rpartition(")")[2].split()[0]  # proc(5): the name before it may hold anything
+            if state in _AT_WORK:
+                return True
+    return False
 
 
 class ProcessLoad:

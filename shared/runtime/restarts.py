@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from shared.runtime.exit_codes import Exit
 
 PULSE_LIMIT_S = 1.8
 """No pulse for so long: frozen. With the time between two looks it is seen within 2 s."""
+MAX_STARVED_S = 10.0
+"""No pulse for so long from a process that is at work: on a machine with too much to do its pulse comes late."""
 READY_LIMIT_S = 60.0
 _BACK_OFF_S = (0.0, 0.5, 1.0, 2.0, 4.0)
 _WINDOW_S = 60.0
@@ -39,12 +43,14 @@ class RestartPolicy:
         """It says that it is alive."""
         self.pulse_s = now_s
 
-    def overdue(self, now_s: float) -> str | None:
-        """Why a process that runs must be killed, or None."""
+    def overdue(self, now_s: float, is_at_work: Callable[[], bool]) -> str | None:
+        """Why a process that runs must be killed, or None. is_at_work: asked of one that is silent."""
         if self._ready_s is None:
             return f"was not ready after {READY_LIMIT_S:g} s" if now_s - self._started_s > READY_LIMIT_S else None
         silent_s = now_s - self.pulse_s
-        return f"gave no sign of life for {silent_s:.1f} s" if silent_s > PULSE_LIMIT_S else None
+        if silent_s <= PULSE_LIMIT_S or (silent_s <= MAX_STARVED_S and is_at_work()):
+            return None
+        return f"gave no sign of life for {silent_s:.1f} s"
 
     def failed(self, now_s: float, exit_code: int) -> float | None:
         """The process has ended unasked. Returns when to start it again, or None to give up.

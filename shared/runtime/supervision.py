@@ -14,6 +14,7 @@ import structlog
 
 from shared.runtime.children import ending_with_parent
 from shared.runtime.notify import NotifySocket
+from shared.runtime.process_load import is_at_work
 from shared.runtime.restarts import PULSE_LIMIT_S, RestartPolicy
 
 POLL_S = 0.05
@@ -104,7 +105,7 @@ class Supervised:
         self._hear(now_s)
         if (exit_code := self._process.poll()) is not None:
             self._has_ended(now_s, exit_code, self._overdue or _ending(exit_code))
-        elif self._overdue is None and (overdue := self._policy.overdue(now_s)) is not None:
+        elif self._overdue is None and (overdue := self._policy.overdue(now_s, self._is_at_work)) is not None:
             self._overdue = overdue
             self._process.kill()
         elif self.num_restarts and self._policy.is_ready and not was_ready:
@@ -158,6 +159,9 @@ class Supervised:
                 self._policy.pulsed(now_s)
             elif name == "STATUS":
                 self._words = value
+
+    def _is_at_work(self) -> bool:
+        return self._process is not None and is_at_work(self._process.pid)
 
     def _has_ended(self, now_s: float, exit_code: int, reason: str) -> None:
         self._process, self.exit_code = None, exit_code

@@ -1,5 +1,7 @@
 """The bus over a real router in this process: delivery, kept messages, commands, namespaces, schemas."""
 
+import subprocess
+import sys
 import threading
 from contextlib import ExitStack
 
@@ -21,9 +23,12 @@ from shared.messaging.codec import decode, decode_command, encode
 from shared.messaging.inbox import Inbox
 from shared.messaging.messages import Foot, Health, JointTarget, LegState, LegTarget, LidarScan
 from shared.runtime.config import BusConfig
-from tests.support.processes import free_endpoint, wait_until
+from shared.runtime.shared_memory import mapped_segments
+from tests.support.processes import ROOT, free_endpoint, wait_until
 
 pytestmark = pytest.mark.e2e
+
+POOL_BYTES = BusConfig().shared_memory_mib * 2**20
 
 
 @pytest.fixture(scope="module")
@@ -275,3 +280,26 @@ def test_routers_join_whichever_runs_first(endpoint):
         assert wait_until(lambda: base.ask(LEG_STATE, LegState), "the other host") == leg_state(1, Foot.B)
         with open_router(peers[0]), Bus(BusConfig(endpoint=peers[0])) as late:
             assert wait_until(lambda: late.ask(LEG_STATE, LegState), "a router that came later") is not None
+
+
+def test_the_shared_memory_of_a_killed_publisher_is_given_back(endpoint):
+    def publisher():
+        return subprocess.Popen([sys.executable, "-m", "tests.support.scan_publisher", endpoint], cwd=ROOT)
+
+    def in_use():
+        return {path for path in mapped_segments() if path.stat().st_size == POOL_BYTES and path.stat().st_blocks}
+
+    inbox = Inbox(max_bytes=2**28)
+    with Bus(BusConfig(endpoint=endpoint)) as bus:
+        bus.subscribe(LIDAR_POINTS, inbox)
+        others = in_use()
+        for _ in range(3):
+            with publisher() as killed:
+                try:
+                    wait_until(lambda: inbox.take(0.1), "a scan")
+                    wait_until(lambda: len(in_use() - others) == 1, "one pool: the living publisher's", 10.0)
+                finally:
+                    killed.kill()
+            while inbox.take(0.2) is not None:
+                pass
+        assert len(in_use() - others) == 1  # nobody has made another since

@@ -3,7 +3,7 @@
 import pytest
 
 from shared.runtime.exit_codes import Exit
-from shared.runtime.restarts import PULSE_LIMIT_S, READY_LIMIT_S, RestartPolicy
+from shared.runtime.restarts import MAX_STARVED_S, PULSE_LIMIT_S, READY_LIMIT_S, RestartPolicy
 
 
 @pytest.fixture
@@ -11,6 +11,10 @@ def policy():
     policy = RestartPolicy()
     policy.started(0.0)
     return policy
+
+
+def asleep():
+    return False
 
 
 def failures(policy, now_s, *, is_ready=True, lasts_s=1.0, num=6):
@@ -62,19 +66,25 @@ def test_any_other_end_is_a_failure(policy, exit_code):
 
 def test_a_pulse_that_stays_away_is_a_frozen_process(policy):
     policy.ready(10.0)
-    assert policy.overdue(9.9 + PULSE_LIMIT_S) is None
+    assert policy.overdue(9.9 + PULSE_LIMIT_S, asleep) is None
     policy.pulsed(11.0)
-    assert policy.overdue(10.9 + PULSE_LIMIT_S) is None
-    assert policy.overdue(11.2 + PULSE_LIMIT_S) == "gave no sign of life for 2.0 s"
+    assert policy.overdue(10.9 + PULSE_LIMIT_S, asleep) is None
+    assert policy.overdue(11.2 + PULSE_LIMIT_S, asleep) == "gave no sign of life for 2.0 s"
+
+
+def test_a_silent_process_that_is_at_work_is_given_more_time(policy):
+    policy.ready(0.0)
+    assert policy.overdue(MAX_STARVED_S, lambda: True) is None
+    assert policy.overdue(MAX_STARVED_S + 0.1, lambda: True) == "gave no sign of life for 10.1 s"
 
 
 def test_before_it_is_ready_no_pulse_is_missed_but_the_whole_start_has_a_limit(policy):
-    assert policy.overdue(READY_LIMIT_S) is None
-    assert policy.overdue(READY_LIMIT_S + 0.1) == "was not ready after 60 s"
+    assert policy.overdue(READY_LIMIT_S, asleep) is None
+    assert policy.overdue(READY_LIMIT_S + 0.1, asleep) == "was not ready after 60 s"
 
 
 def test_a_restarted_process_is_given_its_time_again(policy):
     policy.ready(1.0)
     policy.started(100.0)
     assert not policy.is_ready
-    assert policy.overdue(101.0 + PULSE_LIMIT_S) is None
+    assert policy.overdue(101.0 + PULSE_LIMIT_S, asleep) is None

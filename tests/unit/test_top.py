@@ -4,7 +4,6 @@ from rich.console import Console
 from cli.top import Top
 from cli.top_table import tables
 from shared.messaging.messages import ChannelCount, Health
-from shared.runtime.shared_memory import bus_memory_bytes
 
 SCANS, JOINTS = "hyrecro/lidar/points", "hyrecro/joints/state"
 
@@ -111,10 +110,3 @@ def test_the_tables_fit_into_eighty_columns_and_lose_nothing():
     assert line.split() == ["lidar/points", "10.0", "10", "lidar", "mapper", "200", "5", "drop", "1", "lost"]
     (line,) = [line for line in lines if line.startswith("mapper")]
     assert line.split()[:3] == ["mapper", "silent", "9s"]
-
-
-def test_the_bus_memory_is_that_of_its_segments(tmp_path):
-    (tmp_path / "12345.zenoh").write_bytes(bytes(100_000))
-    (tmp_path / "other").write_bytes(bytes(500_000))
-    assert 100_000 <= bus_memory_bytes(tmp_path) < 200_000
-    assert bus_memory_bytes(tmp_path / "none") == 0
