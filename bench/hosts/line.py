@@ -28,9 +28,9 @@ ENDPOINTS = {host: f"tcp/{address}:7447" for host, address in ADDRESSES.items()}
 SENSORS = ("lidar", "depth")
 SERVICES = {"base": ("recorder", "evaluator"), "robot": ("mapper", *SENSORS, "planner", "sim")}
 """In the order in which they start: who listens before who speaks."""
-NUM_ROWS = 8
-"""Of the climb: two changes of foot, 17.5 s of simulated time."""
-CUT_AFTER_S, QUIET_S = 15.0, 3.0
+NUM_ROWS = 5
+"""Of the climb: with a change of foot, 6.6 s of simulated time."""
+CUT_AFTER_S, QUIET_S = 12.0, 3.0
 _START_TIMEOUT_S, _PLAY_TIMEOUT_S, _DRAIN_TIMEOUT_S, _STOP_TIMEOUT_S = 180.0, 300.0, 60.0, 30.0
 
 
@@ -166,7 +166,7 @@ def main() -> None:
     parser.add_argument("--loss-percent", type=float, default=0.0)
     parser.add_argument("--delay-ms", type=float, default=0.0)
     parser.add_argument("--cut-s", type=float, default=0.0)
-    parser.add_argument("--pace", type=float, default=0.4, help="seconds of simulated time a second")
+    parser.add_argument("--pace", type=float, default=0.2, help="seconds of simulated time a second")
     parser.add_argument("--set", action="append", default=[], help="a setting of all services")
     parser.add_argument("--keep", type=Path, help="folder for recording and logs; default: none is left")
     arguments = parser.parse_args()
