@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -31,21 +32,26 @@ SERVICES = {"base": ("recorder", "evaluator"), "robot": ("mapper", *SENSORS, "pl
 NUM_ROWS = 5
 """Of the climb: with a change of foot, 6.6 s of simulated time."""
 CUT_AFTER_S, QUIET_S = 12.0, 3.0
+_LISTENER = "bench.hosts.listener"
 _START_TIMEOUT_S, _PLAY_TIMEOUT_S, _DRAIN_TIMEOUT_S, _STOP_TIMEOUT_S = 180.0, 300.0, 60.0, 30.0
 
 
 class Line:
-    """The processes of both hosts. folder: gets the recording, `robot.jsonl` and `base.jsonl`, and a log of each."""
+    """The processes of both hosts. channels: patterns of what the base's recorder, and our listener there, subscribe to.
 
-    def __init__(self, stack: contextlib.ExitStack, folder: Path, settings: list[str]) -> None:
-        self._stack, self._folder, self._settings = stack, folder, settings
+    folder: gets the recording, `robot.jsonl` and `base.jsonl` of the listeners, and a log of each process.
+    """
+
+    def __init__(self, stack: contextlib.ExitStack, folder: Path, settings: list[str], channels: list[str]) -> None:
+        self._stack, self._folder = stack, folder
+        self._settings = [*settings, f"recorder.channels={json.dumps(channels)}"]
         self._services: dict[str, list[subprocess.Popen[str]]] = {host: [] for host in SERVICES}
         robot, base = ENDPOINTS["robot"], ENDPOINTS["base"]
         self._start("robot", "router_robot", "cli.main", "router", "--endpoint", robot)
         self._start("base", "router_base", "cli.main", "router", "--endpoint", base, "--connect", robot)
         self._listeners = {
-            host: self._start(host, f"listener_{host}", "bench.hosts.listener", endpoint, f"{folder / host}.jsonl")
-            for host, endpoint in ENDPOINTS.items()
+            host: self._start(host, f"listener_{host}", _LISTENER, ENDPOINTS[host], f"{folder / host}.jsonl", *patterns)
+            for host, patterns in (("robot", ["*"]), ("base", channels))
         }
         for listener in self._listeners.values():
             cast(IO[str], listener.stdout).readline()
@@ -98,7 +104,7 @@ class Line:
             process = subprocess.Popen(  # noqa: S603 - our own modules
                 on_host(host, sys.executable, "-m", *module),
                 stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE if "listener" in log_name else log,
+                stdout=subprocess.PIPE if _LISTENER in module else log,
                 stderr=log,
                 text=True,
             )
@@ -106,14 +112,14 @@ class Line:
         return process
 
 
-def case(quality: Quality, cut_s: float, folder: Path, settings: list[str]) -> dict[str, Any]:
+def case(quality: Quality, cut_s: float, folder: Path, settings: list[str], channels: list[str]) -> dict[str, Any]:
     """One climb from the start of all services to their end."""
     trajectory = folder / "climb.csv"
     rows = (CONFIGS_DIR / "trajectories" / "climb.csv").read_text().splitlines()
     trajectory.write_text("\n".join(rows[: NUM_ROWS + 1]) + "\n")
     with network() as wire, contextlib.ExitStack() as stack:
         wire.set_quality(quality)
-        line = Line(stack, folder, settings)
+        line = Line(stack, folder, settings, channels)
         line.start()
         wire.set_quality(quality)
         began_ns = time.monotonic_ns()
@@ -128,6 +134,8 @@ def case(quality: Quality, cut_s: float, folder: Path, settings: list[str]) -> d
         "delay_s": quality.delay_s,
         "cut_s": cut_s,
         "settings": settings,
+        "channels": channels,
+        "load": round(os.getloadavg()[0], 1),
         "exit_code": player.returncode,
         "climb_s": round((ended_ns - began_ns) * 1e-9, 1),
         "mbit_per_s": round(num_bytes * 8e3 / (ended_ns - began_ns), 2),
@@ -168,6 +176,7 @@ def main() -> None:
     parser.add_argument("--cut-s", type=float, default=0.0)
     parser.add_argument("--pace", type=float, default=0.2, help="seconds of simulated time a second")
     parser.add_argument("--set", action="append", default=[], help="a setting of all services")
+    parser.add_argument("--channels", nargs="*", default=["*"], help="recorder.channels")
     parser.add_argument("--keep", type=Path, help="folder for recording and logs; default: none is left")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
@@ -175,7 +184,7 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         settings = [f"sim.real_time_factor={arguments.pace}", *arguments.set]
         quality = Quality(arguments.loss_percent / 100, arguments.delay_ms / 1e3)
-        figures = case(quality, arguments.cut_s, folder, settings)
+        figures = case(quality, arguments.cut_s, folder, settings, arguments.channels)
     cases = [*(json.loads(arguments.out.read_text()) if arguments.out.exists() else []), figures]
     arguments.out.write_text(json.dumps(cases, indent=1) + "\n")
     print(table(cases))

@@ -1,4 +1,4 @@
-"""Hears all that is said on one host: `python -m bench.hosts.listener ENDPOINT FILE`.
+"""Hears what is said on one host: `python -m bench.hosts.listener ENDPOINT FILE PATTERN ...`.
 
 A line on stdin is answered by a line of JSON: which services are ready, and how many messages of the robot came so far.
 When stdin ends, a line for each message stands in the file.
@@ -12,6 +12,7 @@ import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from services.recorder.selection import Selection
 from shared.messaging.bus import Bus
 from shared.messaging.channels import CHANNELS, channel_of_key
 from shared.messaging.codec import decode
@@ -54,11 +55,11 @@ def _heard(parcel: Parcel) -> Heard | None:
     return Heard(channel.key, source_of(message), message.seq, parcel.received_ns, parcel.is_replay, q)
 
 
-def listen(bus: Bus, out: Path) -> None:
+def listen(bus: Bus, out: Path, wanted: Selection) -> None:
     """Until stdin ends."""
     inbox, num_of_robot = Inbox(max_bytes=_MAX_BYTES), 0
     for channel in CHANNELS:
-        if channel.is_recorded and not channel.is_command:
+        if channel in wanted and not channel.is_command:
             bus.subscribe(channel, inbox)
     print("ready", flush=True)
     with out.open("w") as file:
@@ -75,9 +76,9 @@ def listen(bus: Bus, out: Path) -> None:
 
 def main() -> None:
     """Listens."""
-    endpoint, out = sys.argv[1:]
+    endpoint, out, *patterns = sys.argv[1:]
     with Bus(BusConfig(endpoint=endpoint, shared_memory_mib=0)) as bus:
-        listen(bus, Path(out))
+        listen(bus, Path(out), Selection(tuple(patterns)))
 
 
 if __name__ == "__main__":
