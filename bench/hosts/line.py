@@ -37,7 +37,7 @@ _START_TIMEOUT_S, _PLAY_TIMEOUT_S, _DRAIN_TIMEOUT_S, _STOP_TIMEOUT_S = 180.0, 30
 
 
 class Line:
-    """The processes of both hosts. channels: patterns of what the base's recorder, and our listener there, subscribe to.
+    """The processes of both hosts. channels: patterns of what recorder and listener of the base subscribe to.
 
     folder: gets the recording, `robot.jsonl` and `base.jsonl` of the listeners, and a log of each process.
     """
