@@ -12,6 +12,8 @@ import typer
 
 from cli.options import DEFAULT_CONFIG, ConfigOption, JsonOption, Part, SetOption, resolved, service_arguments
 
+_REJOIN_PERIOD_S = 2.0
+
 EndpointOption = Annotated[str | None, typer.Option(help="Where to listen; default bus.endpoint.")]
 
 PartOption = Annotated[
@@ -123,12 +125,17 @@ def router(
     bus = resolved(config, set_).bus
     endpoint = endpoint or bus.endpoint
     stop, pulse = StopSignal(), Pulse.from_environment()
-    with open_router(endpoint, credentials=bus.credentials, peers=peers or []):
+    with open_router(endpoint, credentials=bus.credentials, peers=peers or []) as opened:
         joined = f", joins {', '.join(peers)}" if peers else ""
         print(f"router listens at {endpoint}{joined}", file=sys.stderr)
         pulse.ready()
+        looked_s = time.monotonic()
         while not stop.is_set():
             pulse.beat()
+            if peers and time.monotonic() - looked_s > _REJOIN_PERIOD_S:
+                if opened.rejoin():
+                    print(f"router at {endpoint} heard nothing over its links: opened anew", file=sys.stderr)
+                looked_s = time.monotonic()
             time.sleep(0.1)
         pulse.stopping()
     raise typer.Exit(stop.exit_code())
