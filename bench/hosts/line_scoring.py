@@ -62,7 +62,7 @@ def scored(folder: Path, began_ns: int, ended_ns: int, cut: Cut | None) -> dict[
 def unbalanced(run: Path, heard: list[Heard]) -> dict[str, tuple[int, int]]:
     """Topics whose messages in the files and counted missing ones are not as many as were sent.
 
-    Sent is from the first in the files to the last that was heard on either host.
+    Sent is from the lowest number in the files to the highest that was heard on either host.
     """
     topics = {channel.key: channel.topic for channel in CHANNELS}
     last: dict[str, int] = {}
@@ -72,7 +72,8 @@ def unbalanced(run: Path, heard: list[Heard]) -> dict[str, tuple[int, int]]:
     first: dict[str, int] = {}
     for path in run_files(run):
         for recorded in RecordingReader(path).messages():
-            first.setdefault(recorded.channel.topic, recorded.seq)
+            topic, seq = recorded.channel.topic, recorded.seq
+            first[topic] = min(seq, first.get(topic, seq))
     published = {topic.topic: topic.num_published for topic in balance_of(run).topics}
     counts = {
         topic: (num, last[topic] - first[topic] + 1)
