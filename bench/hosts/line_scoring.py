@@ -12,7 +12,8 @@ from bench.faults_scoring import score_of
 from bench.hosts.listener import KEYS_OF_BASE, Heard, read_heard
 from services.recorder.bag.balance import balance_of, run_files
 from services.recorder.bag.recorded import RecordingReader
-from shared.messaging.channels import CHANNELS
+from shared.messaging.channels import CHANNELS, channel_of_key
+from shared.messaging.messages import Health
 
 FLOWS = ("joints/state", "leg/state", "tf", "lidar/points", "depth/image", "map/odometry")
 KEPT = ("leg/state", "map/cloud", "map/planes", "robot_description", "structure_description", "tf_static")
@@ -62,18 +63,14 @@ def scored(folder: Path, began_ns: int, ended_ns: int, cut: Cut | None) -> dict[
 def unbalanced(run: Path, heard: list[Heard]) -> dict[str, tuple[int, int]]:
     """Topics whose messages in the files and counted missing ones are not as many as were sent.
 
-    Sent is from the lowest number in the files to the highest that was heard on either host.
+    Sent is from what the recorder first heard of, by a message or a heartbeat, to the last that either host heard.
     """
     topics = {channel.key: channel.topic for channel in CHANNELS}
     last: dict[str, int] = {}
     for each in heard:
         topic = topics.get(each.key, "/" + each.key)
         last[topic] = max(each.seq, last.get(topic, -1))
-    first: dict[str, int] = {}
-    for path in run_files(run):
-        for recorded in RecordingReader(path).messages():
-            topic, seq = recorded.channel.topic, recorded.seq
-            first[topic] = min(seq, first.get(topic, seq))
+    first = _first_known(run)
     published = {topic.topic: topic.num_published for topic in balance_of(run).topics}
     counts = {
         topic: (num, last[topic] - first[topic] + 1)
@@ -81,6 +78,21 @@ def unbalanced(run: Path, heard: list[Heard]) -> dict[str, tuple[int, int]]:
         if num is not None and topic in last and topic not in _OWN
     }
     return {topic: pair for topic, pair in counts.items() if pair[0] != pair[1]}
+
+
+def _first_known(run: Path) -> dict[str, int]:
+    """By topic, the lowest number in the files, or the next after the one that a heartbeat first told of."""
+    told: dict[str, int] = {}
+    first: dict[str, int] = {}
+    for path in run_files(run):
+        for recorded in RecordingReader(path).messages():
+            topic, seq = recorded.channel.topic, recorded.seq
+            first[topic] = min(seq, first.get(topic, seq))
+            message = recorded.message() if recorded.channel.message is Health else None
+            for count in message.channels if isinstance(message, Health) else ():
+                if (channel := channel_of_key(count.key)) is not None and count.num_sent and count.last_seq is not None:
+                    told.setdefault(channel.topic, count.last_seq)
+    return {topic: min(seq, told.get(topic, seq) + 1) for topic, seq in first.items()}
 
 
 def _flow(key: str, robot: list[Heard], base: list[Heard], seconds: float) -> Flow:
