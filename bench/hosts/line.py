@@ -31,7 +31,7 @@ SERVICES = {"base": ("recorder", "evaluator"), "robot": ("mapper", *SENSORS, "pl
 """In the order in which they start: who listens before who speaks."""
 NUM_ROWS = 5
 """Of the climb: with a change of foot, 6.6 s of simulated time."""
-CUT_AFTER_S, QUIET_S = 12.0, 3.0
+CUT_AFTER_S, QUIET_S = 8.0, 3.0
 _LISTENER = "bench.hosts.listener"
 _START_TIMEOUT_S, _PLAY_TIMEOUT_S, _DRAIN_TIMEOUT_S, _STOP_TIMEOUT_S = 180.0, 300.0, 60.0, 30.0
 
@@ -57,14 +57,14 @@ class Line:
             cast(IO[str], listener.stdout).readline()
 
     def start(self) -> None:
-        """Returns when all are ready, as the base sees it."""
+        """Returns when all are ready."""
         for host, names in SERVICES.items():
             for name in names:
                 module = ["services.sensors", "--sensor", name] if name in SENSORS else [f"services.{name}"]
                 if name == "sim":
-                    self._wait_for_ready([*SERVICES["base"], *names[:-1]])
+                    self.wait_for_ready([*SERVICES["base"], *names[:-1]])
                 self._services[host].append(self._start(host, name, *module, *self._options(host)))
-        self._wait_for_ready([name for names in SERVICES.values() for name in names])
+        self.wait_for_ready([name for names in SERVICES.values() for name in names])
 
     def play(self, trajectory: Path) -> subprocess.Popen[str]:
         """`hyrecro robot play` on the base."""
@@ -91,7 +91,8 @@ class Line:
         answer: dict[str, Any] = json.loads(cast(IO[str], answers).readline())
         return answer
 
-    def _wait_for_ready(self, names: list[str]) -> None:
+    def wait_for_ready(self, names: list[str]) -> None:
+        """As the base sees it."""
         _wait_for(lambda: set(names) <= set(self._asked("base")["alive"]), f"ready: {', '.join(names)}")
 
     def _options(self, host: str) -> list[str]:
@@ -124,6 +125,7 @@ def case(quality: Quality, cut_s: float, folder: Path, settings: list[str], chan
         wire.set_quality(quality)
         began_ns = time.monotonic_ns()
         player = line.play(trajectory)
+        line.wait_for_ready(["player"])
         cut = _cut(wire, quality, cut_s) if cut_s else None
         _wait_for(lambda: player.poll() is not None, "the end of the climb", _PLAY_TIMEOUT_S)
         ended_ns = time.monotonic_ns()
