@@ -165,7 +165,8 @@ def _run_table(cases: list[dict[str, Any]]) -> list[str]:
 
 def _link(each: dict[str, Any]) -> str:
     cut = f", cut {each['cut_s']:g} s" if each["cut_s"] else ""
-    return f"{1e3 * each['delay_s']:g} ms, {each['loss']:.0%}{cut}"
+    choice = "" if each["channels"] == ["*"] else ", recorder.channels without the large ones"
+    return f"{1e3 * each['delay_s']:g} ms, {each['loss']:.0%}{cut}{choice}"
 
 
 def _cell(flow: dict[str, Any]) -> str:
