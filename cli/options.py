@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from shared.runtime.config import Config
 
 DEFAULT_CONFIG = Path("default")
+Part = Literal["robot", "base"]
+"""What runs on one of two hosts, whose routers are joined."""
 
 ConfigOption = Annotated[
     Path, typer.Option("--config", help="Configuration file, or the name of a preset in configs/.")

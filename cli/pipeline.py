@@ -9,6 +9,7 @@ from pathlib import Path
 from types import TracebackType
 
 from cli.announcer import Announcer
+from cli.options import Part
 from shared.errors import HyrecroError
 from shared.messaging.bus import Bus, is_reachable
 from shared.messaging.messages import Severity
@@ -16,9 +17,11 @@ from shared.runtime.config import Config
 from shared.runtime.exit_codes import Exit
 from shared.runtime.supervision import POLL_S, PatientClock, Supervised
 
+_OF_BASE = frozenset({"recorder", "evaluator", "teleop"})
 
-def services_of(config: Config) -> tuple[dict[str, list[str]], ...]:
-    """What runs: name and `python -m` arguments of each service, in groups.
+
+def services_of(config: Config, part: Part | None = None) -> tuple[dict[str, list[str]], ...]:
+    """What runs, here all or one host's part: name and `python -m` arguments of each service, in groups.
 
     A group is started when the one before is ready: who listens before who speaks, so that nothing said is missed. They
     are stopped the other way round.
@@ -30,7 +33,12 @@ def services_of(config: Config) -> tuple[dict[str, list[str]], ...]:
     }
     names = ("evaluator", "mapper", "planner", *(["teleop"] if config.teleop.enabled else []))
     others = {name: [f"services.{name}"] for name in names}
-    return {"recorder": ["services.recorder"]}, {**others, **sensors}, {"sim": ["services.sim"]}
+    groups = {"recorder": ["services.recorder"]}, {**others, **sensors}, {"sim": ["services.sim"]}
+    return tuple({name: group[name] for name in group if _is_of(name, part)} for group in groups)
+
+
+def _is_of(name: str, part: Part | None) -> bool:
+    return part is None or (name in _OF_BASE) == (part == "base")
 
 
 class PipelineError(HyrecroError):
@@ -42,15 +50,22 @@ class Pipeline:
 
     One thread starts them, watches them and stops them: children end with the thread that started them.
     logs_dir: a file per process; None = they write to this process's stderr. is_joining: the router runs already.
+    part: of two hosts; the robot's supervisor alone says on the bus what it did, since events have one supervisor.
     """
 
     def __init__(
-        self, config: Config, arguments: list[str], *, logs_dir: Path | None = None, is_joining: bool = False
+        self,
+        config: Config,
+        arguments: list[str],
+        *,
+        logs_dir: Path | None = None,
+        is_joining: bool = False,
+        part: Part | None = None,
     ) -> None:
-        self._bus_config, self._logs_dir, self._is_joining = config.bus, logs_dir, is_joining
+        self._bus_config, self._logs_dir, self._is_joining, self._part = config.bus, logs_dir, is_joining, part
         self._children: list[Supervised] = []
         self._clock = PatientClock()
-        services = services_of(config)
+        services = services_of(config, part)
         self._names = {name for group in services for name in group}
         router = () if is_joining else ({"router": ["cli.main", "router"]},)
         self._groups = [
@@ -119,9 +134,11 @@ class Pipeline:
 
     def _supervise(self, on_ready: Callable[[str], None]) -> None:
         try:
+            if self._part == "robot":
+                self._announcer.start()
             for group in self._groups:
                 self._start_group(group, on_ready)
-                if "recorder" in group:
+                if "recorder" in group and self._part is None:
                     self._announcer.start()
             self._is_up.set()
             while not self._is_stopping.wait(POLL_S):

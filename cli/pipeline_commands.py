@@ -10,9 +10,15 @@ from typing import Annotated
 
 import typer
 
-from cli.options import DEFAULT_CONFIG, ConfigOption, JsonOption, SetOption, resolved, service_arguments
+from cli.options import DEFAULT_CONFIG, ConfigOption, JsonOption, Part, SetOption, resolved, service_arguments
+
+_REJOIN_PERIOD_S = 2.0
 
 EndpointOption = Annotated[str | None, typer.Option(help="Where to listen; default bus.endpoint.")]
+
+PartOption = Annotated[
+    Part | None, typer.Option(help="Of two hosts: base is recorder, evaluator and page, robot the rest.")
+]
 
 PeersOption = Annotated[
     list[str] | None,
@@ -29,6 +35,7 @@ def register(app: typer.Typer) -> None:
 def up(
     has_page: Annotated[bool, typer.Option("--teleop", help="With the page in a browser.")] = False,
     is_joining: Annotated[bool, typer.Option("--join", help="Another robot, on the router that runs.")] = False,
+    part: PartOption = None,
     config: ConfigOption = DEFAULT_CONFIG,
     set_: SetOption = None,
 ) -> None:
@@ -47,16 +54,14 @@ def up(
     with contextlib.ExitStack() as stack:
         state = stack.enter_context(state_folder(settings.state_directory))
         arguments = service_arguments(config, [*set_, f"recorder.run={name}", f"state_directory={state}"])
-        pipeline = stack.enter_context(Pipeline(settings, arguments, is_joining=is_joining))
+        pipeline = stack.enter_context(Pipeline(settings, arguments, is_joining=is_joining, part=part))
         pipeline.start(stop.is_set)
         folder = run_folder(settings.recorder, name)
         if not stop.is_set():
-            page = f", page at {settings.teleop.url}" if settings.teleop.enabled else ""
+            page = f", page at {settings.teleop.url}" if settings.teleop.enabled and part != "robot" else ""
+            recording = f", recording {folder}/run.mcap" if part != "robot" else ""
             robot = f"{settings.bus.namespace} " if settings.bus.namespace else ""
-            print(
-                f"{robot}up at {settings.bus.endpoint}, recording {folder}/run.mcap{page}; Ctrl-C stops",
-                file=sys.stderr,
-            )
+            print(f"{robot}up at {settings.bus.endpoint}{recording}{page}; Ctrl-C stops", file=sys.stderr)
         while not stop.is_set():
             pipeline.check()
             time.sleep(0.1)
@@ -120,12 +125,17 @@ def router(
     bus = resolved(config, set_).bus
     endpoint = endpoint or bus.endpoint
     stop, pulse = StopSignal(), Pulse.from_environment()
-    with open_router(endpoint, credentials=bus.credentials, peers=peers or []):
+    with open_router(endpoint, credentials=bus.credentials, peers=peers or []) as opened:
         joined = f", joins {', '.join(peers)}" if peers else ""
         print(f"router listens at {endpoint}{joined}", file=sys.stderr)
         pulse.ready()
+        looked_s = time.monotonic()
         while not stop.is_set():
             pulse.beat()
+            if peers and time.monotonic() - looked_s > _REJOIN_PERIOD_S:
+                if opened.rejoin():
+                    print(f"router at {endpoint} heard nothing over its links: opened anew", file=sys.stderr)
+                looked_s = time.monotonic()
             time.sleep(0.1)
         pulse.stopping()
     raise typer.Exit(stop.exit_code())

@@ -33,8 +33,11 @@ class _Publisher:
         last_seq = self.counter.last_seq
         if self.counter.is_late(seq):
             return self.counter.add(seq)
-        if last_seq is not None and seq <= last_seq:  # started again: what was outstanding is lost
-            self.num_lost, self.told_seq = self.num_outstanding, None
+        if last_seq is not None and seq <= last_seq:
+            if self.counter.num_received:  # started again: what was outstanding is lost
+                self.num_lost, self.told_seq = self.num_outstanding, None
+            else:  # the first that came, and a heartbeat had told of it before
+                self.counter.last_seq = None
         num_lost, self.num_lost = self.num_lost, 0
         return num_lost + self.counter.add(seq)
 

@@ -16,14 +16,16 @@ from shared.runtime.node import Context, Memory, Messages, Node, Part
 
 
 def build_node(config: Config, _context: Context) -> Node:
-    """The node that records everything the channel table marks, of every sensor that is configured."""
+    """The node that records what the channel table marks, of every sensor that is configured.
+
+    It subscribes to what `recorder.channels` names and no more: between hosts the rest would fill the link.
+    """
     metadata = {"version": version("hyrecro"), "seed": str(config.seed), "config": dump_config(config)}
-    channels = channels_of(config.sensors.others)
-    for channel in channels:
+    recorder = Recorder(config.recorder, metadata, channels_of(config.sensors.others), config.bus.namespace)
+    for channel in recorder.channels:
         prepare(channel.ros_type)  # before anything waits in the inbox
-    recorder = Recorder(config.recorder, metadata, channels, config.bus.namespace)
     inputs: Mapping[Channel, Callable[[Any], Messages]] = {
-        channel: partial(recorder.add, channel) for channel in channels if channel.is_recorded
+        channel: partial(recorder.add, channel) for channel in recorder.channels
     }
     return Node(
         name="recorder",

@@ -16,7 +16,15 @@ from services.recorder.run import Run
 from services.recorder.selection import Selection, problem_with
 from services.recorder.state import RecorderState
 from shared.errors import ConfigError, InputFileError, MessageError, RefusedError
-from shared.messaging.channels import CHANNELS, PREFIX, RECORDER_CONTROL, Channel, channel_of_key
+from shared.messaging.channels import (
+    CHANNELS,
+    CLOCK,
+    HEALTH,
+    PREFIX,
+    RECORDER_CONTROL,
+    Channel,
+    channel_of_key,
+)
 from shared.messaging.messages import (
     Event,
     Health,
@@ -57,9 +65,12 @@ class Recorder:
         robot: str = "",
     ) -> None:
         self._config, self._metadata, self._robot = config, metadata, robot
-        self._channels = tuple(channels)
-        if (problem := problem_with(config.channels, self._channels)) is not None:
+        if (problem := problem_with(config.channels, table := tuple(channels))) is not None:
             raise ConfigError([f"recorder.{problem}"])
+        chosen = Selection(config.channels)
+        self.channels = tuple(channel for channel in table if channel in chosen or channel in (HEALTH, CLOCK))
+        """What it wants to be given, and may record: the configured ones, heartbeats (what was sent), the time."""
+        self._keys = {channel.key for channel in self.channels}
         self._run: Run | None = None
         self._bus = BusCounts()
         self._kept: dict[str, Record] = {}
@@ -149,7 +160,7 @@ class Recorder:
             return self.tick()
         if self._run is not None and self._run.is_recording:
             raise RefusedError(f"{self._run.path} is being recorded: stop it first")
-        if (problem := problem_with(control.channels, self._channels)) is not None:
+        if (problem := problem_with(control.channels, self.channels)) is not None:
             raise RefusedError(problem)
         if control.run and not _RUN_NAME.fullmatch(control.run):
             raise RefusedError(f"run is '{control.run[:40]}', must be of letters, digits and _ . : -")
@@ -195,7 +206,7 @@ class Recorder:
         self._bus.settle()
         first_file = num_files_in(folder) if is_going_on else 0
         self._run = Run(
-            self._config, folder, self._channels, Selection(patterns), self._metadata, self._kept, first_file
+            self._config, folder, self.channels, Selection(patterns), self._metadata, self._kept, first_file
         )
         self._news = News()
         self._wanted = name, patterns
@@ -205,8 +216,8 @@ class Recorder:
         if run is None or not run.is_open:
             return
         self._put_waiting()
-        channels = {key: channel_of_key(PREFIX + key) for key in self._bus.outstanding()}
-        outstanding = self._bus.outstanding()
+        outstanding = self._outstanding()
+        channels = {key: channel_of_key(PREFIX + key) for key in outstanding}
         run.close(
             {channel: outstanding[key] for key, channel in channels.items() if channel and channel in run.selection},
             max_wait_s,
@@ -236,6 +247,12 @@ class Recorder:
         if run is not None and is_taken:
             run.put(record)
 
+    def _outstanding(self) -> Counter[str]:
+        """By key: what was sent, as far as is known, and has not come. Of what it is not given, nothing is lost."""
+        own = HEALTH.key.removesuffix("*")
+        outstanding = self._bus.outstanding()
+        return Counter({key: num for key, num in outstanding.items() if key in self._keys or key.startswith(own)})
+
     # ---- what it says
 
     def _status(self) -> RecorderStatus:
@@ -251,7 +268,7 @@ class Recorder:
             num_bytes=run.num_bytes if run else 0,
             free_bytes=free_bytes(run.path.parent if run else self._config.directory),
             text=run.text if run else "",
-            channels=run.records(self._bus.outstanding()) if run else (),
+            channels=run.records(self._outstanding()) if run else (),
         )
 
 

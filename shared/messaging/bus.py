@@ -14,10 +14,11 @@ from typing import Any, TypeVar
 import zenoh
 
 from shared.errors import BusError, ConfigError, RefusedError
-from shared.messaging.channels import ALIVE, PREFIX, PUBLISHED, Channel, Delivery
+from shared.messaging.channels import ALIVE, PREFIX, PUBLISHED, ROUTERS, Channel, Delivery
 from shared.messaging.codec import MIME, decode, encode, schema_of
 from shared.messaging.credentials import SECURE_ROUTER, WHY_REFUSED, credential_of, router_settings
 from shared.messaging.inbox import Inbox, Parcel
+from shared.messaging.joined import SplitWatch
 from shared.messaging.messages import Message
 from shared.messaging.pool import Pool
 from shared.messaging.queues import ROUTER_RUNTIME, queues_of_client, queues_of_router
@@ -27,6 +28,7 @@ from shared.runtime.roles import OPERATOR
 M = TypeVar("M", bound=Message)
 
 _QUERY_TIMEOUT_S = 2.0
+_REJOIN_TIMEOUT_S = 1.0
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
 """How often a router that went away is tried again; Zenoh's own first try is after a second."""
 _SHARED_MEMORY = "transport/shared_memory/transport_optimization"
@@ -213,8 +215,42 @@ class Bus:
                 query.reply(channel.key_expr, self._pool.place(kept[0]), encoding=kept[1])
 
 
+class Router:
+    """An open router, and a token by which others know it."""
+
+    def __init__(self, endpoint: str, settings: zenoh.Config) -> None:
+        self._endpoint, self._settings, self._watch = endpoint, settings, SplitWatch()
+        self._open()
+
+    def rejoin(self) -> bool:
+        """Opens the router anew if it is connected to another and does not hear it; returns whether it did.
+
+        To be called every few seconds where routers are joined. After a cut Zenoh may add the new connection to an old
+        one that one side has given up: then nothing is routed, without end (eclipse-zenoh/zenoh, issue 2806).
+        """
+        connected = {str(zid) for zid in self._session.info.routers_zid()}
+        replies = self._session.liveliness().get(ROUTERS, timeout=_REJOIN_TIMEOUT_S)
+        heard = {str(reply.ok.key_expr).removeprefix(ROUTERS[:-1]) for reply in replies if reply.ok is not None}
+        if not self._watch.is_split(connected, heard):
+            return False
+        self.close()
+        self._open()
+        return True
+
+    def close(self) -> None:
+        """Leaves the port."""
+        self._session.close()  # type: ignore[no-untyped-call]
+
+    def _open(self) -> None:
+        try:
+            self._session = zenoh.open(self._settings)
+        except zenoh.ZError as error:
+            raise BusError(f"cannot listen on {self._endpoint}: {error}") from error
+        self._token = self._session.liveliness().declare_token(ROUTERS.replace("*", str(self._session.zid())))
+
+
 @contextlib.contextmanager
-def open_router(endpoint: str, *, credentials: Path | None = None, peers: Sequence[str] = ()) -> Iterator[None]:
+def open_router(endpoint: str, *, credentials: Path | None = None, peers: Sequence[str] = ()) -> Iterator[Router]:
     """A Zenoh router inside this process, listening on `endpoint` alone.
 
     peers: endpoints of other hosts' routers, which it joins as soon as they run, and again after each cut.
@@ -234,14 +270,11 @@ def open_router(endpoint: str, *, credentials: Path | None = None, peers: Sequen
     settings.insert_json5(f"{_SHARED_MEMORY}/enabled", "false")  # it passes on what others put there, and puts nothing
     _set_queues(settings, queues_of_router())
     os.environ.setdefault("ZENOH_RUNTIME", ROUTER_RUNTIME)  # read by zenoh's first session of a process
+    router = Router(endpoint, settings)
     try:
-        session = zenoh.open(settings)
-    except zenoh.ZError as error:
-        raise BusError(f"cannot listen on {endpoint}: {error}") from error
-    try:
-        yield
+        yield router
     finally:
-        session.close()  # type: ignore[no-untyped-call]
+        router.close()
 
 
 def is_reachable(endpoint: str) -> bool:

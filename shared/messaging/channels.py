@@ -12,6 +12,8 @@ from shared.messaging import messages as m
 PREFIX = "hyrecro/"
 ALIVE = PREFIX + "alive/*"
 """Liveliness tokens: one a service, held while it is ready."""
+ROUTERS = PREFIX + "routers/*"
+"""Liveliness tokens: one a router of `hyrecro router`."""
 PUBLISHED = PREFIX + "published/**"
 """Liveliness tokens: one a key that somebody publishes, held as long."""
 

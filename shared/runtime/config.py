@@ -206,7 +206,7 @@ class RecorderConfig(Section):
     min_free_mib: int = Field(64, ge=0, le=1024 * 1024)
     """The recording stops before less than this is left on the disk."""
     channels: tuple[str, ...] = ("*",)
-    """What is recorded: patterns of keys below `hyrecro/`, such as lidar/*."""
+    """What is recorded at most: patterns of keys below `hyrecro/`, such as lidar/*. The rest is not subscribed to."""
     starts: bool = True
     """Records from the start; otherwise when told to."""
 

@@ -2,11 +2,13 @@
 
 import importlib.util
 from importlib.metadata import version
+from typing import get_args
 
 import pytest
 import zenoh
 from ruamel.yaml import YAML
 
+from cli.options import Part
 from cli.pipeline import services_of
 from shared.messaging import bus
 from shared.messaging.queues import ROUTER_RUNTIME, queues_of_router
@@ -73,8 +75,9 @@ def test_over_several_hosts_each_service_is_on_one_of_them():
     hosts = YAML().load(ROOT / "docker-compose.hosts.yml")["services"]
     profiles = {name: service["profiles"] for name, service in hosts.items() if "profiles" in service}
     assert set(profiles) == set(SERVICES)
-    assert {name for name, those in profiles.items() if those == ["base"]} == {"recorder", "evaluator"}
-    assert {name for name, those in profiles.items() if those == ["robot"]} == set(SERVICES) - {"recorder", "evaluator"}
+    for part in get_args(Part):
+        of_up = {name for group in services_of(load_config(), part) for name in group}
+        assert {name for name, those in profiles.items() if those == [part]} == of_up, "as in `hyrecro up --part`"
     assert list(hosts["router"]["ports"]) == ["${HYRECRO_LISTEN:-127.0.0.1}:7447:7447"], (
         "loopback unless told otherwise"
     )

@@ -271,6 +271,26 @@ def test_a_robot_hears_another_one_apart_from_itself(endpoint):
     assert feet == {"hyrecro/leg/state": Foot.A, "robot_b/hyrecro/leg/state": Foot.B}
 
 
+def test_a_router_that_is_connected_and_hears_nothing_is_opened_anew(endpoint):
+    config = BusConfig(endpoint=free_endpoint())
+    with open_router(free_endpoint()) as alone:
+        assert not any(alone.rejoin() for _ in range(4))
+    far = free_endpoint()
+    with (
+        open_router(far) as other,
+        open_router(config.endpoint, peers=[far]) as router,
+        Bus(BusConfig(endpoint=far)) as robot,
+        Bus(config) as base,
+    ):
+        robot.advertise(LEG_STATE)
+        robot.publish(LEG_STATE, leg_state(1, Foot.B))
+        assert wait_until(lambda: base.ask(LEG_STATE, LegState), "joined") == leg_state(1, Foot.B)
+        assert not any(router.rejoin() for _ in range(4)), "it hears the other's token"
+        other._token.undeclare()  # as after a cut that left the two half joined
+        assert wait_until(router.rejoin, "opened anew")
+        assert wait_until(lambda: base.ask(LEG_STATE, LegState), "joined again") == leg_state(1, Foot.B)
+
+
 def test_routers_join_whichever_runs_first(endpoint):
     peers = [free_endpoint(), endpoint]
     config = BusConfig(endpoint=free_endpoint())

@@ -97,3 +97,21 @@ def test_what_was_lost_before_a_recording_is_not_its(bus):
     bus.settle()
     assert bus.outstanding() == {}
     assert take(bus, 5) == [1]
+
+
+def test_a_heartbeat_that_overtakes_the_first_message_loses_nothing(bus):
+    """As on a thin link, where small messages pass large ones."""
+    bus.heard(sim_sent(0))
+    bus.heard(sim_sent(2))
+    assert take(bus, 0) == [0]
+    assert bus.outstanding() == {"clock": 2}
+    assert take(bus, 1, 2, 3) == [0, 0, 0]
+    assert bus.outstanding() == {}
+
+
+def test_the_first_heartbeat_that_is_heard_of_a_service_may_be_its_twelfth(bus):
+    first = health("hyrecro/health/sim", 12, 11)
+    bus.heard(first)
+    assert bus.took("health/sim", "", 11) == 0
+    assert bus.took("health/sim", "", 12) == 0
+    assert bus.outstanding() == {}

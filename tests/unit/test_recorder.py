@@ -40,6 +40,20 @@ def started(directory, **settings):
     return recorder
 
 
+def heartbeat_of_lidar(last_seq):
+    count = m.ChannelCount(key=c.LIDAR_POINTS.key_expr, num_sent=last_seq + 1, last_seq=last_seq)
+    return m.Health(
+        stamp_ns=5 + last_seq,
+        seq=last_seq // 9,
+        frame="",
+        service="lidar",
+        uptime_s=1.0,
+        rss_bytes=0,
+        busy_ratio=0.0,
+        channels=(count,),
+    )
+
+
 def last_status(messages):
     return messages[-1]
 
@@ -163,6 +177,20 @@ def test_a_choice_of_channels(tmp_path):
     recorder.add(c.MAP_CLOUD, cloud(2, 10))
     recorder.close()
     assert set(content(tmp_path / "other" / "run.mcap")[0]) == {"/clock"}
+
+
+def test_what_it_is_not_given_is_not_lost(tmp_path):
+    recorder = started(tmp_path, channels=("tf",))
+    assert {channel.key for channel in recorder.channels} == {"tf", "clock", "health/*"}
+    recorder.control(m.RecorderControl(action=STOP))
+    with pytest.raises(RefusedError, match="channels: 'lidar/\\*' matches no recorded key"):
+        recorder.control(m.RecorderControl(action=START, channels=("lidar/*",)))
+    recorder.control(m.RecorderControl(action=START, run="all", channels=("*",)))
+    for last_seq in (0, 9):
+        recorder.add(c.HEALTH, heartbeat_of_lidar(last_seq))
+    status = last_status(recorder.close())
+    assert not any(record.num_lost_on_bus for record in status.channels)
+    assert state(tmp_path / "all" / "run.mcap") == "COMPLETE"
 
 
 def test_a_configured_choice_that_is_none_is_refused(tmp_path):

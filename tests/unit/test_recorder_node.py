@@ -34,6 +34,14 @@ def test_it_subscribes_to_what_is_recorded_of_every_sensor(node):
     assert "depth/points" not in keys, "made only while someone subscribes: the recorder must not"
 
 
+def test_it_subscribes_to_no_more_than_it_may_record(tmp_path):
+    overrides = [f"recorder.directory={tmp_path}", "recorder.channels=[map/*]"]
+    node = build_node(load_config(overrides=overrides), Context(clock_ns=lambda: 0))
+    keys = {channel.key for channel in node.inputs}
+    maps = {channel.key for channel in CHANNELS if channel.key.startswith("map/")}
+    assert keys == maps | {"clock", "health/*", "recorder/control"}
+
+
 def test_its_file_has_the_topics_of_every_sensor(node, tmp_path):
     node.on_stop()
     topics = {topic.topic for topic in Recording(tmp_path / "here" / "run.mcap").topics()}
