@@ -29,11 +29,12 @@ from fuzz.examples import MESSAGES
 from fuzz.facades import SERVICES, build, said_by
 from fuzz.mutations import payload_like
 from shared.errors import CodecError
-from shared.messaging.bus import Bus, open_router
+from shared.messaging.bus import Bus
 from shared.messaging.channels import CHANNELS, HEALTH, Channel
 from shared.messaging.codec import decode, decode_command, from_text, to_text
 from shared.messaging.inbox import Inbox, Parcel
 from shared.messaging.messages import Health, Message
+from shared.messaging.router import open_router
 from shared.runtime.config import BusConfig
 from shared.runtime.node import Context
 from shared.runtime.runner import ServiceLoop

@@ -118,7 +118,7 @@ def router(
     set_: SetOption = None,
 ) -> None:
     """Runs a Zenoh router, on loopback unless told otherwise."""
-    from shared.messaging.bus import open_router
+    from shared.messaging.router import open_router
     from shared.runtime.notify import Pulse
     from shared.runtime.stop_signal import StopSignal
 

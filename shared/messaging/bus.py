@@ -1,37 +1,32 @@
-"""The bus: one Zenoh session as publishers, subscribers, commands and queries. It and its pool alone import zenoh."""
+"""The bus: one Zenoh session as publishers, subscribers, commands and queries. Zenoh is used in this folder alone."""
 
 from __future__ import annotations
 
 import contextlib
 import json
-import os
 import socket
 import time
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import zenoh
 
 from shared.errors import BusError, ConfigError, RefusedError
-from shared.messaging.channels import ALIVE, PREFIX, PUBLISHED, ROUTERS, Channel, Delivery
+from shared.messaging.channels import ALIVE, PREFIX, PUBLISHED, Channel, Delivery
 from shared.messaging.codec import MIME, decode, encode, schema_of
-from shared.messaging.credentials import SECURE_ROUTER, WHY_REFUSED, credential_of, router_settings
+from shared.messaging.credentials import WHY_REFUSED, credential_of
 from shared.messaging.inbox import Inbox, Parcel
-from shared.messaging.joined import SplitWatch
 from shared.messaging.messages import Message
 from shared.messaging.pool import Pool
-from shared.messaging.queues import ROUTER_RUNTIME, queues_of_client, queues_of_router
+from shared.messaging.queues import IMPLICIT_SHARED_MEMORY, queues_of_client
 from shared.runtime.config import BusConfig
 from shared.runtime.roles import OPERATOR
 
 M = TypeVar("M", bound=Message)
 
 _QUERY_TIMEOUT_S = 2.0
-_REJOIN_TIMEOUT_S = 1.0
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
 """How often a router that went away is tried again; Zenoh's own first try is after a second."""
-_SHARED_MEMORY = "transport/shared_memory/transport_optimization"
 
 
 class Bus:
@@ -215,68 +210,6 @@ class Bus:
                 query.reply(channel.key_expr, self._pool.place(kept[0]), encoding=kept[1])
 
 
-class Router:
-    """An open router, and a token by which others know it."""
-
-    def __init__(self, endpoint: str, settings: zenoh.Config) -> None:
-        self._endpoint, self._settings, self._watch = endpoint, settings, SplitWatch()
-        self._open()
-
-    def rejoin(self) -> bool:
-        """Opens the router anew if it is connected to another and does not hear it; returns whether it did.
-
-        To be called every few seconds where routers are joined. After a cut Zenoh may add the new connection to an old
-        one that one side has given up: then nothing is routed, without end (eclipse-zenoh/zenoh, issue 2806).
-        """
-        connected = {str(zid) for zid in self._session.info.routers_zid()}
-        replies = self._session.liveliness().get(ROUTERS, timeout=_REJOIN_TIMEOUT_S)
-        heard = {str(reply.ok.key_expr).removeprefix(ROUTERS[:-1]) for reply in replies if reply.ok is not None}
-        if not self._watch.is_split(connected, heard):
-            return False
-        self.close()
-        self._open()
-        return True
-
-    def close(self) -> None:
-        """Leaves the port."""
-        self._session.close()  # type: ignore[no-untyped-call]
-
-    def _open(self) -> None:
-        try:
-            self._session = zenoh.open(self._settings)
-        except zenoh.ZError as error:
-            raise BusError(f"cannot listen on {self._endpoint}: {error}") from error
-        self._token = self._session.liveliness().declare_token(ROUTERS.replace("*", str(self._session.zid())))
-
-
-@contextlib.contextmanager
-def open_router(endpoint: str, *, credentials: Path | None = None, peers: Sequence[str] = ()) -> Iterator[Router]:
-    """A Zenoh router inside this process, listening on `endpoint` alone.
-
-    peers: endpoints of other hosts' routers, which it joins as soon as they run, and again after each cut.
-    credentials: the folder of `hyrecro certs new`, for a router that asks everyone who they are.
-
-    Raises:
-        BusError: the endpoint is taken or not valid. ConfigError: the credentials cannot be used.
-    """
-    settings = zenoh.Config() if credentials is None else zenoh.Config.from_file(str(SECURE_ROUTER))
-    for key, value in router_settings(credentials).items() if credentials else ():
-        settings.insert_json5(key, value)
-    settings.insert_json5("mode", '"router"')
-    settings.insert_json5("listen/endpoints", json.dumps([endpoint]))
-    settings.insert_json5("connect/endpoints", json.dumps(list(peers)))
-    settings.insert_json5("scouting/multicast/enabled", "false")
-    settings.insert_json5("timestamping/enabled", "true")
-    settings.insert_json5(f"{_SHARED_MEMORY}/enabled", "false")  # it passes on what others put there, and puts nothing
-    _set_queues(settings, queues_of_router())
-    os.environ.setdefault("ZENOH_RUNTIME", ROUTER_RUNTIME)  # read by zenoh's first session of a process
-    router = Router(endpoint, settings)
-    try:
-        yield router
-    finally:
-        router.close()
-
-
 def is_reachable(endpoint: str) -> bool:
     """Whether somebody accepts connections at a `tcp/` or `tls/HOST:PORT`; other transports are taken as reachable."""
     protocol, _, address = endpoint.partition("/")
@@ -315,17 +248,13 @@ def _client_settings(config: BusConfig, name: str) -> zenoh.Config:
     settings.insert_json5("connect/retry", json.dumps(_RETRY))
     settings.insert_json5("scouting/multicast/enabled", "false")
     settings.insert_json5("timestamping/enabled", "true")
-    _set_queues(settings, queues_of_client())
+    for path, value in queues_of_client().items():
+        settings.insert_json5(path, str(value))
     settings.insert_json5("transport/shared_memory/enabled", json.dumps(config.shared_memory_mib > 0))
-    settings.insert_json5(f"{_SHARED_MEMORY}/enabled", "false")  # the bus has a pool of its own
+    settings.insert_json5(IMPLICIT_SHARED_MEMORY, "false")  # the bus has a pool of its own
     if config.namespace:
         settings.insert_json5("namespace", json.dumps(config.namespace))
     return settings
-
-
-def _set_queues(settings: zenoh.Config, queues: dict[str, int]) -> None:
-    for path, value in queues.items():
-        settings.insert_json5(path, str(value))
 
 
 def _priority(channel: Channel) -> zenoh.Priority:

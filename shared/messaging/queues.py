@@ -4,6 +4,8 @@ from __future__ import annotations
 
 BATCH_BYTES = 65_535
 """Of one batch, the largest there is. What fits into it needs no shared memory: who says nothing larger has no pool."""
+IMPLICIT_SHARED_MEMORY = "transport/shared_memory/transport_optimization/enabled"
+"""Setting: whether Zenoh puts large messages into shared memory by itself."""
 ROUTER_RUNTIME = "(rx: (worker_threads: 8))"
 """Threads on which the router reads: a large message may wait 50 ms for room, on the thread that read it."""
 _NUM_BATCHES = 16

@@ -6,7 +6,6 @@ from collections import defaultdict
 import pytest
 import zenoh
 
-from shared.messaging import bus
 from shared.messaging.channels import CHANNELS, PREFIX
 from shared.messaging.credentials import SECURE_ROUTER
 from shared.messaging.queues import queues_of_router
@@ -53,7 +52,8 @@ def test_what_no_rule_allows_is_denied_and_a_role_is_shown_by_certificate_and_pa
 
 def test_it_has_the_queues_of_the_embedded_router():
     embedded = zenoh.Config()
-    bus._set_queues(embedded, queues_of_router())
+    for path, number in queues_of_router().items():
+        embedded.insert_json5(path, str(number))
     assert ROUTER.get_json("transport/link/tx/queue") == embedded.get_json("transport/link/tx/queue")
 
 

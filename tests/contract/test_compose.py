@@ -10,7 +10,6 @@ from ruamel.yaml import YAML
 
 from cli.options import Part
 from cli.pipeline import services_of
-from shared.messaging import bus
 from shared.messaging.queues import ROUTER_RUNTIME, queues_of_router
 from shared.runtime.config_loading import load_config
 from tests.support.processes import ROOT
@@ -63,7 +62,8 @@ def test_the_routers_file_sets_what_the_embedded_router_sets():
     queue = "transport/link/tx/queue"
     router = zenoh.Config.from_file(ROOT / "configs" / "zenoh" / "router.json5")
     embedded = zenoh.Config()
-    bus._set_queues(embedded, queues_of_router())
+    for path, number in queues_of_router().items():
+        embedded.insert_json5(path, str(number))
     assert router.get_json(queue) == embedded.get_json(queue)
     assert router.get_json("transport/shared_memory/transport_optimization/enabled") == "false"
     assert router.get_json("scouting/multicast/enabled") == "false"

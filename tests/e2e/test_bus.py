@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shared.errors import BusError, RefusedError
-from shared.messaging.bus import Bus, open_router
+from shared.messaging.bus import Bus
 from shared.messaging.channels import (
     DEPTH_POINTS,
     HEALTH,
@@ -22,6 +22,7 @@ from shared.messaging.channels import (
 from shared.messaging.codec import decode, decode_command, encode
 from shared.messaging.inbox import Inbox
 from shared.messaging.messages import Foot, Health, JointTarget, LegState, LegTarget, LidarScan
+from shared.messaging.router import open_router
 from shared.runtime.config import BusConfig
 from shared.runtime.shared_memory import mapped_segments
 from tests.support.processes import ROOT, free_endpoint, wait_until

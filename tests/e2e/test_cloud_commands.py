@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from shared.cloud_files import read_cloud
-from shared.messaging.bus import Bus, open_router
+from shared.messaging.bus import Bus
 from shared.messaging.channels import LIDAR_POINTS, MAP_CLOUD
 from shared.messaging.messages import LidarScan, PointCloud
+from shared.messaging.router import open_router
 from shared.runtime.config import BusConfig
 from tests.support.processes import BIN, free_endpoint, run, wait_until
 

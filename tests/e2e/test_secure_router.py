@@ -6,9 +6,10 @@ import pytest
 
 from cli.certificates import Authority, credential_files, now_utc
 from cli.certs_commands import write_files
-from shared.messaging.bus import Bus, open_router
+from shared.messaging.bus import Bus
 from shared.messaging.channels import CHANNELS, HEALTH
 from shared.messaging.inbox import Inbox
+from shared.messaging.router import open_router
 from shared.runtime.config import BusConfig
 from shared.runtime.roles import OPERATOR, ROLES, VIEWER
 from tests.support.examples import EXAMPLES

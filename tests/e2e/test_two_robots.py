@@ -8,11 +8,12 @@ import pytest
 
 from services.sensors.surroundings import MEMBERS_A_ROBOT
 from shared.errors import BusError
-from shared.messaging.bus import Bus, open_router
+from shared.messaging.bus import Bus
 from shared.messaging.channels import JOINTS_STATE, JOINTS_TARGET, LIDAR_POINTS
 from shared.messaging.codec import decode
 from shared.messaging.inbox import Inbox
 from shared.messaging.messages import JointState, JointTarget, LidarScan
+from shared.messaging.router import open_router
 from shared.runtime.config import BusConfig
 from tests.support.processes import free_endpoint, hyrecro_command, run, service_command, started, wait_until
 
