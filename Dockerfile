@@ -25,4 +25,4 @@ RUN pip install --no-cache-dir --disable-pip-version-check --root-user-action=ig
 USER hyrecro
 RUN rerun analytics disable && python -m services.sensors.compile_kernels && python -m services.mapper.compile_kernels
 ENV PYTHONUNBUFFERED=1
-ENTRYPOINT ["python", "-m", "shared.runtime.guard"]
+ENTRYPOINT ["python", "-m", "shared.runtime.guard", "/tmp/ready"]
