@@ -97,6 +97,8 @@ def test_the_routers_file_sets_what_the_embedded_router_sets():
 def test_over_several_hosts_each_service_is_on_one_of_them():
     hosts = YAML().load(ROOT / "docker-compose.hosts.yml")["services"]
     profiles = {name: service["profiles"] for name, service in hosts.items() if "profiles" in service}
+    assert {those.tag.value for those in profiles.values()} == {"!override"}, "or the page's profile starts them, too"
+    assert profiles.pop("router") == ["robot", "base"]
     assert set(profiles) == set(SERVICES)
     assert {name for name, those in profiles.items() if those == ["base"]} == {"recorder", "evaluator"}
     assert {name for name, those in profiles.items() if those == ["robot"]} == set(SERVICES) - {"recorder", "evaluator"}
