@@ -17,7 +17,7 @@ COPY cli cli
 COPY configs configs
 RUN pip install --no-cache-dir --disable-pip-version-check --root-user-action=ignore \
         --no-deps --no-build-isolation --editable . \
-    && python -m compileall -q -x 'site-packages|/tests/' /usr/local/lib/python3.11 shared services cli \
+    && python -m compileall -q -x 'site-packages|/tests?/' /usr/local/lib/python3.11 shared services cli \
     && useradd --uid 10001 --create-home hyrecro \
     && install -d -o hyrecro /recordings \
     && install -d -o hyrecro -m 700 /credentials
