@@ -17,7 +17,7 @@ COPY cli cli
 COPY configs configs
 RUN pip install --no-cache-dir --disable-pip-version-check --root-user-action=ignore \
         --no-deps --no-build-isolation --editable . \
-    && python -m compileall -q shared services cli \
+    && python -m compileall -q -x 'site-packages|/tests?/' /usr/local/lib/python3.11 shared services cli \
     && useradd --uid 10001 --create-home hyrecro \
     && install -d -o hyrecro /recordings \
     && install -d -o hyrecro -m 700 /credentials
@@ -25,4 +25,4 @@ RUN pip install --no-cache-dir --disable-pip-version-check --root-user-action=ig
 USER hyrecro
 RUN rerun analytics disable && python -m services.sensors.compile_kernels && python -m services.mapper.compile_kernels
 ENV PYTHONUNBUFFERED=1
-ENTRYPOINT ["python", "-m", "shared.runtime.guard"]
+ENTRYPOINT ["python", "-m", "shared.runtime.guard", "/tmp/ready"]

@@ -30,14 +30,13 @@ class _Publisher:
         return self.num_lost + (self.told_seq - last_seq if is_behind else 0)  # type: ignore[operator]
 
     def take(self, seq: int) -> int:
-        last_seq = self.counter.last_seq
         if self.counter.is_late(seq):
             return self.counter.add(seq)
-        if last_seq is not None and seq <= last_seq:
-            if self.counter.num_received:  # started again: what was outstanding is lost
-                self.num_lost, self.told_seq = self.num_outstanding, None
-            else:  # the first that came, and a heartbeat had told of it before
-                self.counter.last_seq = None
+        if self.counter.num_received == 0 and self.told_seq is not None and seq <= self.told_seq:
+            self.counter.last_seq = None  # a heartbeat told of it before it came
+        last_seq = self.counter.last_seq
+        if last_seq is not None and seq <= last_seq:  # started again: what was outstanding is lost
+            self.num_lost, self.told_seq = self.num_outstanding, None
         num_lost, self.num_lost = self.num_lost, 0
         return num_lost + self.counter.add(seq)
 

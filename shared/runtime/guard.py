@@ -1,6 +1,8 @@
 """The first process of a container: keeps one service running, as the launcher does where there are no containers.
 
-`python -m shared.runtime.guard services.sensors --sensor lidar`
+`python -m shared.runtime.guard /tmp/ready services.sensors --sensor lidar`
+
+The file is there while the service does its work, and is touched at each look: an old one tells of a frozen guard.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ import contextlib
 import os
 import sys
 import time
+from pathlib import Path
 
 from shared.runtime.exit_codes import Exit
 from shared.runtime.logs import configure_logs
@@ -18,21 +21,30 @@ from shared.runtime.supervision import POLL_S, PatientClock, Supervised
 
 def main() -> None:
     """Until SIGTERM, or until the service is given up; ends with the service's exit code."""
-    command = sys.argv[1:]
-    if not command or command[0].startswith("-"):
-        print("usage: python -m shared.runtime.guard MODULE [ARGUMENT ...]", file=sys.stderr)
+    if len(sys.argv) < 3 or any(argument.startswith("-") for argument in sys.argv[1:3]):
+        print("usage: python -m shared.runtime.guard READY_FILE MODULE [ARGUMENT ...]", file=sys.stderr)
         sys.exit(Exit.USAGE)
+    ready, command = Path(sys.argv[1]), sys.argv[2:]
     configure_logs()
     stop, clock = StopSignal(), PatientClock()
     child = Supervised(" ".join(command), ["-m", *command], clock.now_s())
     while not stop.is_set() and child.failure is None:
         child.step(clock.now_s())
+        _show(ready, is_ready=child.is_ready)
         _reap_orphans(child.pid)
         time.sleep(POLL_S)
+    _show(ready, is_ready=False)
     child.stop()
     if child.failure is not None:
         print(f"given up: {child.failure}", file=sys.stderr)
     sys.exit(_exit_code(child))
+
+
+def _show(ready: Path, *, is_ready: bool) -> None:
+    if is_ready:
+        ready.touch()
+    else:
+        ready.unlink(missing_ok=True)
 
 
 def _exit_code(child: Supervised) -> int:

@@ -44,6 +44,7 @@ class Traffic:
     def __init__(self) -> None:
         self.stamp_ns = 0
         self._keys: dict[str, KeyTraffic] = {}
+        self._replayed: dict[str, tuple[int, int]] = {}
 
     def sent(self, key: str, *, seq: int | None, stamp_ns: int | None, num_bytes: int = 0) -> None:
         """Notes a published message; commands have neither number nor stamp."""
@@ -74,13 +75,18 @@ class Traffic:
         traffic.num_refused += 1
         traffic.num_received -= is_message
 
-    def is_known(self, key: str, message: Message) -> bool:
-        """Whether a message that was asked for has already come by itself."""
-        traffic = self._keys.get(key)
-        if traffic is None or not isinstance(message, Measurement):
+    def is_known(self, key: str, message: Message, *, is_replay: bool) -> bool:
+        """Whether a message that was asked for has already come by itself, or the other way round."""
+        if not isinstance(message, Measurement):
             return False
-        counter = traffic.sources.get(source_of(message))
-        return counter is not None and counter.last_seq is not None and message.seq <= counter.last_seq
+        if not is_replay:
+            return self._replayed.pop(key, None) == (message.seq, message.stamp_ns)
+        traffic = self._keys.get(key)
+        counter = traffic.sources.get(source_of(message)) if traffic is not None else None
+        if counter is not None and counter.last_seq is not None and message.seq <= counter.last_seq:
+            return True
+        self._replayed[key] = message.seq, message.stamp_ns
+        return False
 
     def snapshot(
         self, num_dropped: Mapping[str, int], num_lost: Mapping[str, int], num_waiting: Mapping[str, int]

@@ -196,7 +196,7 @@ class ServiceLoop:
                 message = decode_command(channel.message, parcel.payload)
             else:
                 message = decode(channel.message, parcel.payload, schema=parcel.schema)
-            if parcel.is_replay and self._traffic.is_known(key, message):
+            if self._traffic.is_known(key, message, is_replay=parcel.is_replay):
                 return
             self._traffic.received(key, message, tells_time=not channel.robot)
             self._send(self._node.inputs[channel](message))

@@ -137,7 +137,7 @@ def test_a_service_with_a_wrong_setting_is_given_up_at_once(tmp_path):
 
 def test_the_guard_of_a_container_does_the_same(tmp_path):
     with started(hyrecro_command("router"), tmp_path / "router") as router:
-        command = service_command("shared.runtime.guard", "services.evaluator")
+        command = service_command("shared.runtime.guard", str(tmp_path / "ready"), "services.evaluator")
         with started(command, tmp_path / "guard", router.endpoint) as guard:
             wait_for_services(guard, {"evaluator"})
             evaluator = process_of(guard, "services.evaluator")
@@ -147,10 +147,11 @@ def test_the_guard_of_a_container_does_the_same(tmp_path):
             assert guard.stop(signal.SIGTERM) == Exit.FINE
 
 
-def test_a_guard_gives_up_with_its_services_exit_code():
-    guard = run(sys.executable, "-m", "shared.runtime.guard", "services.evaluator", "--set", "sim.rate_hz=0")
+def test_a_guard_gives_up_with_its_services_exit_code(tmp_path):
+    command = (sys.executable, "-m", "shared.runtime.guard", tmp_path / "ready")
+    guard = run(*command, "services.evaluator", "--set", "sim.rate_hz=0")
     assert guard.returncode == Exit.USAGE
     assert re.search(
         r"given up: services\.evaluator .* ended with exit code 2: .*sim\.rate_hz: should be", guard.stderr
     )
-    assert run(sys.executable, "-m", "shared.runtime.guard").returncode == Exit.USAGE
+    assert run(*command).returncode == Exit.USAGE

@@ -55,6 +55,13 @@ def test_an_older_heartbeat_tells_nothing_new(bus):
     assert bus.outstanding() == {}
 
 
+@pytest.mark.parametrize("seq", [8, 9])
+def test_the_first_message_of_a_running_publisher_may_come_after_the_heartbeat_that_tells_of_it(bus, seq):
+    bus.heard(sim_sent(9))
+    assert take(bus, seq, 10) == [0, 9 - seq]
+    assert bus.outstanding() == {}
+
+
 def test_what_was_sent_before_anything_was_heard_is_not_counted(bus):
     bus.heard(sim_sent(9))
     assert bus.outstanding() == {}

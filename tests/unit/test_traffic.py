@@ -50,11 +50,20 @@ def test_sent_refused_and_commands():
 
 def test_a_replayed_message_is_known_if_it_or_a_later_one_came():
     traffic = Traffic()
-    assert not traffic.is_known("k", clock(3))
+    assert not traffic.is_known("k", clock(3), is_replay=True)
     traffic.received("k", clock(3))
-    assert traffic.is_known("k", clock(3))
-    assert traffic.is_known("k", clock(2))
-    assert not traffic.is_known("k", clock(4))
+    assert traffic.is_known("k", clock(3), is_replay=True)
+    assert traffic.is_known("k", clock(2), is_replay=True)
+    assert not traffic.is_known("k", clock(4), is_replay=True)
+
+
+def test_what_comes_by_itself_after_it_was_asked_for_is_known_once():
+    traffic = Traffic()
+    assert not traffic.is_known("k", clock(3), is_replay=True)
+    assert traffic.is_known("k", clock(3), is_replay=False)
+    assert not traffic.is_known("k", clock(3), is_replay=False), "the publisher was started again"
+    assert not traffic.is_known("k", clock(7), is_replay=True)
+    assert not traffic.is_known("k", clock(8), is_replay=False)
 
 
 def test_a_key_of_which_all_was_dropped_is_in_the_snapshot():
