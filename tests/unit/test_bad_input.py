@@ -28,7 +28,7 @@ from shared.messaging.channels import CHANNELS, LIDAR_POINTS
 from shared.messaging.codec import decode, decode_command, encode, from_text, to_text
 from shared.pcd_format import parse_pcd
 from shared.runtime.config_loading import load_config
-from shared.runtime.health import MAX_KEYS, OTHER_KEYS, Traffic
+from shared.runtime.health import Traffic
 from shared.world.files import load_structure
 from shared.world.structure import unique_names
 from shared.yaml_reading import YamlError, load_yaml
@@ -164,15 +164,6 @@ def test_missed_messages_are_counted_up_to_the_largest_number():
         traffic.received("a", m.Clock(stamp_ns=0, seq=seq, frame=""))
     (count,) = traffic.snapshot({}, {}, {})
     assert count.num_missed == 2**63 - 1
-
-
-def test_invented_keys_are_counted_as_one():
-    traffic = Traffic()
-    for number in range(MAX_KEYS + 50):
-        traffic.refused(f"hyrecro/health/{number}")
-    counts = {count.key: count for count in traffic.snapshot({}, {}, {})}
-    assert len(counts) == MAX_KEYS + 1
-    assert counts[OTHER_KEYS].num_refused == 50
 
 
 def test_a_message_counts_as_received_or_as_refused():
