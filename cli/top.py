@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from shared.messaging.channels import PREFIX
 from shared.messaging.messages import ChannelCount, Health
+from shared.messaging.values import MAX_SERVICES
 
 SILENT_S = 2.0
 """Heartbeats come every second: a service without one for so long is said to be silent."""
@@ -97,7 +98,8 @@ class Top:
         """Notes a heartbeat."""
         last = self._seen.get(health.service)
         if last is None:
-            self._seen[health.service] = _Seen(now_s, health)
+            if len(self._seen) < MAX_SERVICES:
+                self._seen[health.service] = _Seen(now_s, health)
         elif health.uptime_s < last.health.uptime_s:
             self._seen[health.service] = _Seen(now_s, health, num_restarts=last.num_restarts + 1)
         else:

@@ -18,6 +18,8 @@ _PATIENCE_NS = 200_000_000
 """Readings that are so far behind the last scan have ended: nothing waits for them."""
 _MAX_EARLY = 10
 """So much waits for joints that are expected and have not come."""
+_MAX_WAITING = 1000
+"""Far more than readings are behind: what says to be of a time that does not come is taken all the same."""
 _LEG, _SCAN = 0, 1
 Add = Callable[[], list[Message]]
 
@@ -98,5 +100,7 @@ class InTurn:
     def _is_known(self, stamp_ns: int) -> bool:
         if self._expects_joints and JointState not in self._reached_ns and len(self._waiting) < _MAX_EARLY:
             return False
+        if len(self._waiting) > _MAX_WAITING:
+            return True
         has_ended_ns = self._newest_ns - _PATIENCE_NS
         return all(reached_ns >= stamp_ns or reached_ns < has_ended_ns for reached_ns in self._reached_ns.values())

@@ -16,6 +16,8 @@ from shared.robot.kinematics import HYRECRO, LINKS, link_matrices
 
 _KEPT_NS = 60_000_000_000
 """A sensor that was away for so long, being started again, is still found by the way since its last scan."""
+_MAX_READINGS = 100_000
+"""Eight times as many as come in all that time: stamps may be a nanosecond apart."""
 _MAX_GAP_NS = 50_000_000
 """Before the first and after the last reading a posture is taken to last so long."""
 
@@ -45,8 +47,8 @@ class Postures:
             self._stamps_ns, self._q = [], []
         self._stamps_ns.append(joints.stamp_ns)
         self._q.append(joints.q)
-        if joints.stamp_ns - self._stamps_ns[0] > 2 * _KEPT_NS:
-            kept = bisect_left(self._stamps_ns, joints.stamp_ns - _KEPT_NS)
+        if joints.stamp_ns - self._stamps_ns[0] > 2 * _KEPT_NS or len(self._q) > _MAX_READINGS:
+            kept = max(bisect_left(self._stamps_ns, joints.stamp_ns - _KEPT_NS), len(self._q) - _MAX_READINGS // 2)
             del self._stamps_ns[:kept], self._q[:kept]
 
     def snapshot(self, since_ns: int) -> ReadingsState:

@@ -35,11 +35,11 @@ from shared.messaging.messages import (
     RecorderStatus,
     Severity,
 )
+from shared.messaging.values import MAX_SERVICES
 from shared.runtime.config import RecorderConfig
 from shared.runtime.run_folder import make_run_folder, new_run_name
 
 _MAX_EARLY = 1000
-_MAX_SERVICES = 1000
 _MAX_STOP_S = 10.0
 _MAX_END_S = 2.0
 """At the end of the process, which a supervisor does not wait for without end."""
@@ -192,8 +192,8 @@ class Recorder:
 
     def _note_service(self, name: str) -> None:
         """Each service is a topic of its own in the file, which holds so many."""
-        if name not in self._services and len(self._services) >= _MAX_SERVICES:
-            raise MessageError(f"{name[:40]!r} is one service too many: {_MAX_SERVICES} are recorded")
+        if name not in self._services and len(self._services) >= MAX_SERVICES:
+            raise MessageError(f"{name[:40]!r} is one service too many: {MAX_SERVICES} are recorded")
         self._services.add(name)
 
     # ---- the run

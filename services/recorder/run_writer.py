@@ -10,6 +10,9 @@ from services.recorder.records import Record
 from services.recorder.rotation import FileSeries
 from shared.messaging.channels import Channel
 
+RECORD_BYTES = 600
+"""What a record takes beside its data, at most."""
+
 
 class RunWriter:
     """Takes records without waiting and writes them in their order; counts those for which there is no room.
@@ -40,7 +43,7 @@ class RunWriter:
 
     def put(self, record: Record) -> None:
         """Lets a record be written, or counts it as lost where the queue is full."""
-        key, size = record.channel.key, len(record.data)
+        key, size = record.channel.key, RECORD_BYTES + len(record.data)
         with self._changed:
             self.num_received[key] += 1
             self.num_missed[key] += record.num_missed
@@ -99,6 +102,6 @@ class RunWriter:
                 if remaining_s <= 0 or not self._changed.wait(remaining_s):
                     break
             record = self._queue.popleft() if self._queue else None
-            self._bytes_left += len(record.data) if record else 0
+            self._bytes_left += RECORD_BYTES + len(record.data) if record else 0
             overflow, self._overflow = self._overflow, {}
             return record, overflow

@@ -25,6 +25,7 @@ from shared.messaging.messages import (
     Stop,
     Transforms,
 )
+from shared.messaging.values import MAX_SERVICES
 from shared.runtime.config import TeleopConfig
 
 M = TypeVar("M", bound=Message)
@@ -191,7 +192,8 @@ class Teleop:
 
     def add_health(self, health: Health) -> list[Message]:
         """Notes a heartbeat."""
-        self._heartbeats[health.service] = (self._now_s, health)
+        if health.service in self._heartbeats or len(self._heartbeats) < MAX_SERVICES:
+            self._heartbeats[health.service] = (self._now_s, health)
         return []
 
     def end_trajectory(self, text: str) -> None:

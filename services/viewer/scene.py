@@ -37,6 +37,8 @@ _OUTLINE_RADIUS = 0.9
 _STEP_M, _DASH_M = 0.005, 0.02
 _CAMERA_SIZE_M = 0.12
 _ESTIMATED_SUFFIX = "_estimated"
+_MAX_FRAMES = 10_000
+"""Far more than there are: whoever invents further ones is not remembered."""
 
 _LOG_LEVELS = {
     m.Severity.INFO: rr.TextLogLevel.INFO,
@@ -83,7 +85,8 @@ class Scene:
     def _transforms(self, entity: str, transforms: m.Transforms) -> Iterable[Drawn]:
         stamp_ns = None if entity == c.TF_STATIC.key else transforms.stamp_ns
         yield Edges(entity, transforms.parents, transforms.children, transforms.T_parent_child, stamp_ns)
-        self._true_frames.update(transforms.children)
+        if len(self._true_frames) < _MAX_FRAMES:
+            self._true_frames.update(transforms.children)
         if self._sensor_frame is not None:
             try:
                 position_m = FrameTree(transforms).T_root(self._sensor_frame).translation

@@ -95,7 +95,7 @@ class Bus:
         """
 
         def on_sample(sample: zenoh.Sample) -> None:
-            inbox.put(_parcel(channel, str(sample.key_expr), sample.payload, sample.encoding))
+            inbox.put(_parcel(channel, sample))
 
         session = self._session_for(channel)
         self._declared.append(session.declare_subscriber(channel.key_expr, on_sample))
@@ -195,11 +195,10 @@ class Bus:
     def _ask_kept(self, channel: Channel, token: zenoh.Sample, inbox: Inbox) -> None:
         def on_reply(reply: zenoh.Reply) -> None:
             if (sample := reply.ok) is not None:
-                key = str(sample.key_expr)
-                inbox.put(_parcel(channel, key, sample.payload, sample.encoding, is_replay=True))
+                inbox.put(_parcel(channel, sample, is_replay=True))
 
         if token.kind == zenoh.SampleKind.PUT:
-            key = str(token.key_expr).replace(PUBLISHED.removesuffix("**"), PREFIX)
+            key = _key_of(channel, token.key_expr).replace(PUBLISHED.removesuffix("**"), PREFIX)
             with contextlib.suppress(zenoh.ZError):  # the session is being closed
                 session = self._session_for(channel)
                 session.get(key, on_reply, priority=_priority(channel), timeout=_QUERY_TIMEOUT_S)
@@ -269,12 +268,15 @@ def _schema(encoding: zenoh.Encoding) -> str | None:
     return schema if mime == MIME and schema else None
 
 
-def _parcel(
-    channel: Channel, key: str, payload: zenoh.ZBytes, encoding: zenoh.Encoding, *, is_replay: bool = False
-) -> Parcel:
+def _key_of(channel: Channel, key_expr: zenoh.KeyExpr) -> str:
+    """A channel of one key has that key, whatever expression such as `hyrecro/$*` somebody has sent it on."""
+    return str(key_expr) if channel.has_many_keys else channel.key_expr
+
+
+def _parcel(channel: Channel, sample: zenoh.Sample, *, is_replay: bool = False) -> Parcel:
     # The bytes are copied here: a ZBytes kept in the queue would hold a piece of the sender's shared memory.
-    schema = _schema(encoding)
-    return Parcel(channel, key, payload.to_bytes(), schema, time.monotonic_ns(), is_replay=is_replay)
+    key, schema = _key_of(channel, sample.key_expr), _schema(sample.encoding)
+    return Parcel(channel, key, sample.payload.to_bytes(), schema, time.monotonic_ns(), is_replay=is_replay)
 
 
 def _take_query(channel: Channel, query: zenoh.Query, inbox: Inbox, *, is_observer: bool) -> None:
@@ -291,7 +293,7 @@ def _take_query(channel: Channel, query: zenoh.Query, inbox: Inbox, *, is_observ
             else:
                 query.reply_err(reason, encoding="text/plain")
 
-    payload, key, now_ns = query.payload.to_bytes(), str(query.key_expr), time.monotonic_ns()
+    payload, key, now_ns = query.payload.to_bytes(), channel.key_expr, time.monotonic_ns()
     if is_observer:
         query.drop()  # type: ignore[no-untyped-call]
         inbox.put(Parcel(channel, key, payload, None, now_ns))

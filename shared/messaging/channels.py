@@ -55,6 +55,11 @@ class Channel:
         """The whole Zenoh key expression, without our own namespace."""
         return f"{self.robot}/{PREFIX}{self.key}" if self.robot else PREFIX + self.key
 
+    @property
+    def has_many_keys(self) -> bool:
+        """Whether each service has a key of its own on it."""
+        return "*" in self.key
+
     def of(self, service: str) -> Channel:
         """The concrete channel of one service, for a key that ends in `*`."""
         return replace(self, key=self.key.replace("*", service), topic=self.topic.replace("*", service))

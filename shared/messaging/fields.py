@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from shared.errors import MessageError
 
 MAX_TEXT_CHARS = 16 * 1024 * 1024
+MAX_NAME_CHARS = 255
 MAX_TUPLE_ITEMS = 100_000
 _QUATERNION_TOLERANCE = 1e-3
 _INT64_RANGE = (-(2**63), 2**63 - 1)
@@ -40,6 +41,13 @@ class Array:
 
 
 @dataclass(frozen=True, slots=True)
+class Text:
+    """Marks an `Annotated[str, Text(...)]` field: no longer than this."""
+
+    max_chars: int
+
+
+@dataclass(frozen=True, slots=True)
 class FieldSpec:
     """What one field holds: exactly one of `array`, `item` (a tuple of it), `message`, `choices` or a scalar `kind`."""
 
@@ -47,6 +55,7 @@ class FieldSpec:
     is_optional: bool = False
     has_default: bool = False
     kind: type | None = None
+    max_chars: int = MAX_TEXT_CHARS
     array: Array | None = None
     item: FieldSpec | None = None
     message: type | None = None
@@ -75,7 +84,12 @@ def _spec(name: str, hint: Any) -> FieldSpec:
         (inner,) = (arg for arg in args if arg is not type(None))
         return dataclasses.replace(_spec(name, inner), is_optional=True)
     if origin is typing.Annotated:
-        return FieldSpec(name, array=next(mark for mark in args[1:] if isinstance(mark, Array)))
+        mark = args[1]
+        return (
+            FieldSpec(name, kind=str, max_chars=mark.max_chars)
+            if isinstance(mark, Text)
+            else FieldSpec(name, array=mark)
+        )
     if origin is tuple:
         return FieldSpec(name, item=_spec(f"{name}[]", args[0]))
     if isinstance(hint, type) and issubclass(hint, enum.Enum):
@@ -118,7 +132,7 @@ def _checked_scalar(spec: FieldSpec, value: Any) -> Any:
     if kind is bool and isinstance(value, bool | np.bool_):
         return bool(value)
     if kind is str and isinstance(value, str):
-        return _checked_text(spec.name, value)
+        return _checked_text(spec, value)
     assert kind is not None
     raise MessageError(f"{spec.name} must be {kind.__name__}, got {type(value).__name__}")
 
@@ -133,13 +147,13 @@ def _checked_float(name: str, value: float | np.floating) -> float:
     return number
 
 
-def _checked_text(name: str, text: str) -> str:
-    if len(text) > MAX_TEXT_CHARS:
-        raise MessageError(f"{name} has {len(text)} characters, at most {MAX_TEXT_CHARS} are allowed")
+def _checked_text(spec: FieldSpec, text: str) -> str:
+    if len(text) > spec.max_chars:
+        raise MessageError(f"{spec.name} has {len(text)} characters, at most {spec.max_chars} are allowed")
     try:
         text.encode()
     except UnicodeEncodeError as error:
-        raise MessageError(f"{name} is not Unicode text: {error.reason} at character {error.start}") from None
+        raise MessageError(f"{spec.name} is not Unicode text: {error.reason} at character {error.start}") from None
     return text
 
 

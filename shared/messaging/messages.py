@@ -29,6 +29,7 @@ from shared.messaging.values import (
     Foot as Foot,
     FootPhase as FootPhase,
     Joints as Joints,
+    Name as Name,
     NamedValues as NamedValues,
     PerPointFloat as PerPointFloat,
     PerPointNumber as PerPointNumber,
@@ -91,7 +92,7 @@ class Measurement(Message):
 
     stamp_ns: int
     seq: int
-    frame: str
+    frame: Name
 
     def __post_init__(self) -> None:
         Message.__post_init__(self)
@@ -115,7 +116,7 @@ class JointTarget(Message):
 
     SHORTHAND: ClassVar[str | None] = "q"
     q: NamedValues
-    names: tuple[str, ...] | None = None
+    names: tuple[Name, ...] | None = None
     duration_s: float | None = None
     valid_s: float | None = None
 
@@ -148,7 +149,7 @@ class ActuatorTarget(Message):
 
     SHORTHAND: ClassVar[str | None] = "positions"
     positions: NamedValues
-    names: tuple[str, ...] | None = None
+    names: tuple[Name, ...] | None = None
     duration_s: float | None = None
 
 
@@ -317,8 +318,8 @@ class FootStatus(Measurement):
 class Transforms(Measurement):
     """Edges of the frame tree: T_parent_child of each, row by row. `frame` is the root of the tree."""
 
-    parents: tuple[str, ...]
-    children: tuple[str, ...]
+    parents: tuple[Name, ...]
+    children: tuple[Name, ...]
     T_parent_child: Poses
 
     def __post_init__(self) -> None:
@@ -453,7 +454,7 @@ class PointCloud(Measurement):
 class Odometry(Measurement):
     """Estimated pose of `child_frame` in `frame`; covariance (6, 6) of translation then rotation, None if unknown."""
 
-    child_frame: str
+    child_frame: Name
     T_frame_child: Pose
     covariance: Covariance | None = None
 
@@ -542,10 +543,10 @@ class Event(Measurement):
     refused_key: the key of the command that was refused; empty where the event is none.
     """
 
-    source: str
+    source: Name
     severity: Severity
     text: str
-    refused_key: str = ""
+    refused_key: Name = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -557,7 +558,7 @@ class ChannelCount(Message):
     num_refused: bytes that are no message, and messages that could not be carried out; no other was received, too.
     """
 
-    key: str
+    key: Name
     num_sent: int = 0
     num_received: int = 0
     num_missed: int = 0
@@ -580,7 +581,7 @@ class Health(Measurement):
 
     VERSION: ClassVar[int] = 2
 
-    service: str
+    service: Name
     uptime_s: float
     rss_bytes: int
     busy_ratio: float
@@ -601,7 +602,7 @@ class ChannelRecord(Message):
     lost is what still waits for its chunk.
     """
 
-    key: str
+    key: Name
     num_received: int = 0
     num_written: int = 0
     num_lost_on_bus: int = 0

@@ -8,7 +8,10 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.messaging.fields import Array
+from shared.messaging.fields import MAX_NAME_CHARS, Array, Text
+
+Name = Annotated[str, Text(MAX_NAME_CHARS)]
+"""Of a service, a key, a frame, a joint: such as are kept, one by one, by whoever hears them."""
 
 Joints = Annotated[NDArray[np.float64], Array("float64", (8,), is_inline=True)]
 """Values of q1..q8 in order: radians, and metres for q2 and q7."""
@@ -32,6 +35,8 @@ PerPointNumber = Annotated[NDArray[np.int32], Array("int32", ("N",))]
 Pixels = Annotated[NDArray[np.uint16], Array("uint16", ("N",))]
 Covariance = Annotated[NDArray[np.float64], Array("float64", (6, 6), is_inline=True)]
 
+MAX_SERVICES = 1000
+"""That anybody follows; whoever invents the names of more is not heard."""
 MAX_STAMP_NS = 2**31 * 10**9 - 1
 """ROS 2 counts the seconds of a time in an int32 (builtin_interfaces/Time)."""
 MAX_COUNT = 2**63 - 1

@@ -10,11 +10,8 @@ from shared.messaging.messages import ChannelCount, Event, Measurement, Message
 from shared.messaging.sequence import SequenceCounter
 from shared.messaging.values import MAX_COUNT
 
-MAX_KEYS = 1000
-"""That are counted each by itself; whoever invents more of them is counted as one."""
 MAX_SOURCES = 1000
 """Publishers of one key whose numbers are followed."""
-OTHER_KEYS = "hyrecro/**"
 
 
 @dataclass(slots=True)
@@ -39,7 +36,10 @@ class KeyTraffic:
 
 
 class Traffic:
-    """Counts by key; knows the newest simulated time seen. Pure: told of every message, asked for a snapshot."""
+    """Counts by key; knows the newest simulated time seen. Pure: told of every message, asked for a snapshot.
+
+    The inbox sees to it that keys are not without end.
+    """
 
     def __init__(self) -> None:
         self.stamp_ns = 0
@@ -104,8 +104,6 @@ class Traffic:
         )
 
     def _of(self, key: str) -> KeyTraffic:
-        if key not in self._keys and len(self._keys) >= MAX_KEYS:
-            key = OTHER_KEYS
         return self._keys.setdefault(key, KeyTraffic())
 
 

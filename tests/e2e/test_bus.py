@@ -4,6 +4,7 @@ import subprocess
 import sys
 import threading
 from contextlib import ExitStack
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -106,6 +107,17 @@ def test_bursts_of_large_scans_arrive_whole(buses):
         parcels = [inbox.take(5.0) for _ in sent]
         assert None not in parcels
         assert [decode(LidarScan, parcel.payload) for parcel in parcels] == sent
+
+
+@pytest.mark.parametrize("expression", ["leg/s$*", "leg/*", "**"])
+def test_what_is_sent_on_an_expression_is_of_the_channel_that_it_reaches(buses, expression):
+    """Or whoever sends on `leg/s$*`, `leg/$*e` ... would have as many inboxes and counters as he likes."""
+    a, b = buses
+    inbox = connected(a, b, LEG_STATE, leg_state(0))
+    wild = replace(LEG_STATE, key=expression)
+    a.advertise(wild)
+    a.publish(wild, leg_state(1))
+    assert inbox.take(5.0).key == LEG_STATE.key_expr
 
 
 def test_a_late_joiner_asks_for_what_is_kept(buses):

@@ -20,15 +20,16 @@ from fuzz.targets import TARGETS
 from services.recorder.bag.recording import Recording
 from services.recorder.ros.messages import to_cdr
 from services.recorder.ros.reading import from_cdr
+from services.sensors.sources.ros_recording import read_bag
 from shared.errors import CodecError, ConfigError, InputFileError, MessageError
 from shared.files import read_bytes, read_text
-from shared.mcap_chunks import ChunkError, records_of
+from shared.mcap_chunks import MAGIC, ChunkError, records_of
 from shared.messaging import messages as m
 from shared.messaging.channels import CHANNELS, LIDAR_POINTS
 from shared.messaging.codec import decode, decode_command, encode, from_text, to_text
 from shared.pcd_format import parse_pcd
 from shared.runtime.config_loading import load_config
-from shared.runtime.health import MAX_KEYS, OTHER_KEYS, Traffic
+from shared.runtime.health import Traffic
 from shared.world.files import load_structure
 from shared.world.structure import unique_names
 from shared.yaml_reading import YamlError, load_yaml
@@ -166,15 +167,6 @@ def test_missed_messages_are_counted_up_to_the_largest_number():
     assert count.num_missed == 2**63 - 1
 
 
-def test_invented_keys_are_counted_as_one():
-    traffic = Traffic()
-    for number in range(MAX_KEYS + 50):
-        traffic.refused(f"hyrecro/health/{number}")
-    counts = {count.key: count for count in traffic.snapshot({}, {}, {})}
-    assert len(counts) == MAX_KEYS + 1
-    assert counts[OTHER_KEYS].num_refused == 50
-
-
 def test_a_message_counts_as_received_or_as_refused():
     traffic = Traffic()
     clock = m.Clock(stamp_ns=0, seq=0, frame="")
@@ -274,6 +266,13 @@ def test_a_recording_whose_index_lies_is_refused(tmp_path):
     for lie in (struct.pack("<QQ", 2**63, 2**63), struct.pack("<QQ", 20, 2**62)):
         with pytest.raises(InputFileError, match=r"run\.mcap: is damaged"):
             list(Recording(_written(path, example.replace(place, lie))).messages(LIDAR_POINTS))
+
+
+def test_a_chunk_in_a_recording_of_others_that_says_it_has_more_than_there_can_be(tmp_path):
+    content = struct.pack("<QQQIIQ", 0, 0, 0, 0, 0, 2**63)
+    path = _written(tmp_path / "run.mcap", MAGIC + struct.pack("<BQ", 6, len(content)) + content)
+    with pytest.raises(InputFileError, match=r"run\.mcap: not readable as a recording"):
+        list(read_bag(path, "lidar", None, "lidar"))
 
 
 def _written(path, data):

@@ -2,7 +2,7 @@ import threading
 
 from shared.messaging import inbox as inbox_module
 from shared.messaging.channels import CLOCK, LEG_STATE
-from shared.messaging.inbox import EVERY_DEPTH, Inbox, Parcel
+from shared.messaging.inbox import EVERY_DEPTH, PARCEL_BYTES, Inbox, Parcel
 
 
 def parcel(channel, number, size=1):
@@ -40,24 +40,24 @@ def test_every_is_bounded_and_says_so():
 
 
 def test_lossless_keeps_all_up_to_its_bytes():
-    inbox = Inbox(max_bytes=100)
+    inbox = Inbox(max_bytes=10 * (10 + PARCEL_BYTES))
     assert all(inbox.put(parcel(CLOCK, number, size=10)) for number in range(10))
     assert not inbox.put(parcel(CLOCK, 10, size=10))
     assert numbers(inbox) == list(range(10))
-    assert inbox.put(parcel(CLOCK, 11, size=100)), "what was taken makes room again"
+    assert inbox.put(parcel(CLOCK, 11, size=100 + 9 * PARCEL_BYTES)), "what was taken makes room again"
     assert inbox.num_dropped == {CLOCK.key_expr: 1}
 
 
 def test_all_that_waits_is_bounded_in_bytes(monkeypatch):
-    monkeypatch.setattr(inbox_module, "MAX_BYTES", 100)
+    monkeypatch.setattr(inbox_module, "MAX_BYTES", 100 + 3 * PARCEL_BYTES)
     inbox = Inbox()
     assert inbox.put(parcel(LEG_STATE, 0, size=60))
-    assert not inbox.put(parcel(CLOCK, 1, size=41))
+    assert not inbox.put(parcel(CLOCK, 1, size=41 + 2 * PARCEL_BYTES))
     assert inbox.put(parcel(CLOCK, 2, size=20))
     assert inbox.put(parcel(CLOCK, 3, size=20))
     assert inbox.put(parcel(CLOCK, 4, size=20)), "the oldest of its own makes room"
     assert numbers(inbox) == [0, 3, 4]
-    assert inbox.put(parcel(LEG_STATE, 5, size=100)), "what was taken makes room again"
+    assert inbox.put(parcel(LEG_STATE, 5, size=100 + 2 * PARCEL_BYTES)), "what was taken makes room again"
     assert inbox.num_dropped == {CLOCK.key_expr: 2}
 
 

@@ -291,7 +291,7 @@ def test_room_is_kept_free(tmp_path):
 
 def test_what_finds_no_room_in_the_queue_is_lost_to_disk(tmp_path):
     series = FileSeries(tmp_path, [], {}, RecorderConfig(min_free_mib=0), {})
-    writer = RunWriter(series, max_queue_bytes=1000, chunk_period_s=0.5)
+    writer = RunWriter(series, max_queue_bytes=2000, chunk_period_s=0.5)
     for seq, num_points in enumerate((10, 200, 10)):  # 12 bytes a point
         writer.put(to_record(c.MAP_CLOUD, cloud(seq, num_points), seq, number=0, num_missed=seq))
     assert writer.close(10.0)

@@ -16,6 +16,8 @@ from shared.messaging.messages import Imu
 from shared.motion import Motion
 
 _KEPT_NS = 3_000_000_000
+_MAX_READINGS = 10_000
+"""As many as an IMU of a kilohertz says in all that time: stamps may be a nanosecond apart."""
 _MAX_GAP_NS = 60_000_000
 """Readings that miss so much of an interval say nothing of it: an IMU of the simulation is two of its periods late."""
 _BIAS_GAIN = 0.1
@@ -38,8 +40,8 @@ class Inertial:
             self._stamps_ns, self._rates = [], []
         self._stamps_ns.append(imu.stamp_ns)
         self._rates.append(imu.angular_velocity_radps)
-        if imu.stamp_ns - self._stamps_ns[0] > 2 * _KEPT_NS:
-            kept = bisect_left(self._stamps_ns, imu.stamp_ns - _KEPT_NS)
+        if imu.stamp_ns - self._stamps_ns[0] > 2 * _KEPT_NS or len(self._rates) > _MAX_READINGS:
+            kept = max(bisect_left(self._stamps_ns, imu.stamp_ns - _KEPT_NS), len(self._rates) - _MAX_READINGS // 2)
             del self._stamps_ns[:kept], self._rates[:kept]
 
     def motion(self, start_ns: int, end_ns: int) -> Motion | None:

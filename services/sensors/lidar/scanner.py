@@ -16,6 +16,8 @@ from shared.errors import MessageError
 from shared.messaging.messages import LidarScan, RobotDescription, StructureDescription, Transforms
 from shared.runtime.sensor_config import LidarConfig
 
+_MAX_WAITING = 10_000
+"""Transforms of one revolution: their stamps may be a nanosecond apart."""
 _NUM_BLOCKS = 32
 """Of columns, in each of which the robot's links stand still while the sensor moves: at most 3 ms of a revolution."""
 
@@ -142,6 +144,7 @@ class LidarScanner:
         waiting, period_ns = self._waiting, self._period_ns
         if waiting and not 0 < transforms.stamp_ns - waiting[-1].stamp_ns <= period_ns:
             waiting.clear()  # time went back, or nothing is known of a whole revolution
+        del waiting[:-_MAX_WAITING]
         waiting.append(transforms)
         start_ns = -(-waiting[0].stamp_ns // period_ns) * period_ns
         if transforms.stamp_ns < start_ns + period_ns:

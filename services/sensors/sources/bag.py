@@ -3,40 +3,33 @@
 from __future__ import annotations
 
 import sqlite3
-import struct
 from collections.abc import Collection, Generator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, Protocol
 
-from mcap.exceptions import McapError
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.highlevel.anyreader import ReaderErrors
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_typestore
 from rosbags.typesys.store import Typestore
-from zstandard import ZstdError
 
 from shared.errors import InputFileError
+from shared.mcap_chunks import BROKEN
 
 RosMessages = Generator[tuple[str, Any], None, str]
 """(topic, ROS message) of each; returns how the recording ended if not as it should, else an empty text."""
 
 _UNREADABLE = (
+    *BROKEN,
     *ReaderErrors,
     AnyReaderError,
     AssertionError,
-    LookupError,
-    McapError,
     OSError,
-    RuntimeError,
     SerdeError,
     TypesysError,
-    ValueError,
-    ZstdError,
     sqlite3.Error,
-    struct.error,
 )
 """What the libraries raise on bytes that are not what they should be."""
 
