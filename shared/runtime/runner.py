@@ -47,6 +47,8 @@ _LOG_LEVELS = {Severity.INFO: logging.INFO, Severity.WARNING: logging.WARNING, S
 _HEALTH_PERIOD_S = 1.0
 _MAX_WAIT_S = 0.1
 _DRAIN_QUIET_S = 0.3
+_MAX_UNDER_WAY_NS = 1_000_000_000
+"""What comes later than this after the end was asked for was sent after it."""
 _MAX_DRAIN_S = 5.0
 """Half of what a supervisor waits before it kills."""
 _MAX_REASON_CHARS = 1000
@@ -181,10 +183,13 @@ class ServiceLoop:
         return 1.0 / timer_hz if timer_hz else None
 
     def _drain(self) -> None:
-        """What was sent before the end was asked for may still be under way: it is taken until nothing more comes."""
+        """What was sent before the end was asked for may still be under way, or wait here: it is taken."""
+        asked_ns = time.monotonic_ns()
         deadline_s = time.monotonic() + _MAX_DRAIN_S
         while time.monotonic() < deadline_s and (parcel := self._inbox.take(_DRAIN_QUIET_S)) is not None:
             self._handle(parcel)
+            if parcel.received_ns > asked_ns + _MAX_UNDER_WAY_NS:
+                break
 
     def _handle(self, parcel: Parcel) -> None:
         channel, key = parcel.channel, parcel.key
