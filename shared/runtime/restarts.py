@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from shared.runtime.exit_codes import Exit
 
-PULSE_LIMIT_S = 1.8
-"""No pulse for so long: frozen. With the time between two looks it is seen within 2 s."""
+PULSE_LIMIT_S = 1.2
+"""No pulse for so long, and nothing done: frozen."""
 MAX_STARVED_S = 10.0
 """No pulse for so long from a process that is at work: on a machine with too much to do its pulse comes late."""
 READY_LIMIT_S = 60.0

@@ -69,7 +69,7 @@ def test_a_pulse_that_stays_away_is_a_frozen_process(policy):
     assert policy.overdue(9.9 + PULSE_LIMIT_S, asleep) is None
     policy.pulsed(11.0)
     assert policy.overdue(10.9 + PULSE_LIMIT_S, asleep) is None
-    assert policy.overdue(11.2 + PULSE_LIMIT_S, asleep) == "gave no sign of life for 2.0 s"
+    assert policy.overdue(11.2 + PULSE_LIMIT_S, asleep) == "gave no sign of life for 1.4 s"
 
 
 def test_a_silent_process_that_is_at_work_is_given_more_time(policy):
