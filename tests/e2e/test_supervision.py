@@ -45,12 +45,17 @@ def wait_for_another(running, arguments, process):
     wait_until(is_another, f"another {arguments}")
 
 
-def wait_for_event(inbox, pattern):
-    def is_said():
-        parcel = inbox.take(0.1)
-        return parcel is not None and re.search(pattern, decode(EVENTS.message, parcel.payload).text)
+def wait_for_events(inbox, *patterns):
+    """In any order."""
+    awaited = set(patterns)
 
-    wait_until(is_said, pattern)
+    def are_said():
+        if (parcel := inbox.take(0.1)) is not None:
+            text = decode(EVENTS.message, parcel.payload).text
+            awaited.difference_update([pattern for pattern in awaited if re.search(pattern, text)])
+        return not awaited
+
+    wait_until(are_said, " and ".join(patterns))
 
 
 def messages_of(inbox):
@@ -63,8 +68,11 @@ def test_killed_and_frozen_services_are_back_and_it_is_said(pipeline, bus):
     mapper, lidar = (process_of(pipeline, name) for name in ("services.mapper", "services.sensors --sensor lidar"))
     mapper.send_signal(signal.SIGKILL)
     lidar.send_signal(signal.SIGSTOP)
-    wait_for_event(events, r"^mapper was killed by SIGKILL; it is back after \d+\.\d s \(1 restart\)$")
-    wait_for_event(events, r"^lidar gave no sign of life for \d\.\d s; it is back after")
+    wait_for_events(
+        events,
+        r"^mapper was killed by SIGKILL; it is back after \d+\.\d s \(1 restart\)$",
+        r"^lidar gave no sign of life for \d\.\d s; it is back after",
+    )
     assert not lidar.is_running()
     assert "mapper was killed by SIGKILL, is started again now" in (pipeline.directory / "stderr.txt").read_text()
     wait_for_services(pipeline, ALL_SERVICES)
@@ -82,7 +90,7 @@ def test_when_a_frozen_router_is_back_everything_is(pipeline, bus):
     router = process_of(pipeline, "cli.main router")
     router.send_signal(signal.SIGSTOP)
     wait_for_another(pipeline, "cli.main router", router)
-    wait_for_event(events, r"^router gave no sign of life for \d\.\d s; it is back after")
+    wait_for_events(events, r"^router gave no sign of life for \d\.\d s; it is back after")
     assert bus.alive() >= ALL_SERVICES
     list(messages_of(joints))
     wait_until(lambda: joints.take(0.1), "a state after the router's return")
