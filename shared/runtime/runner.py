@@ -31,6 +31,7 @@ from shared.runtime.config import Config
 from shared.runtime.config_loading import DEFAULT_CONFIG, load_config
 from shared.runtime.exit_codes import Exit
 from shared.runtime.health import Traffic
+from shared.runtime.heap import give_back
 from shared.runtime.logs import configure_logs
 from shared.runtime.memory import Keeper, keeper_of
 from shared.runtime.node import Addressed, Context, Messages, Node
@@ -45,6 +46,7 @@ BuildNode = Callable[[Config, Context], Node]
 
 _LOG_LEVELS = {Severity.INFO: logging.INFO, Severity.WARNING: logging.WARNING, Severity.ERROR: logging.ERROR}
 _HEALTH_PERIOD_S = 1.0
+_NUM_HEALTHS_A_TRIM = 30
 _MAX_WAIT_S = 0.1
 _DRAIN_QUIET_S = 0.3
 _MAX_UNDER_WAY_NS = 1_000_000_000
@@ -278,6 +280,8 @@ class ServiceLoop:
             shared_memory_bytes=load.shared_memory_bytes,
         )
         self._bus.publish(channel, health)
+        if self._num_healths % _NUM_HEALTHS_A_TRIM == 0:
+            give_back()
         self._last_health_s, self._busy_s = now_s, 0.0
 
     def _timed(self, work: Callable[[], None]) -> None:
