@@ -76,16 +76,23 @@ class Traffic:
         traffic.num_received -= is_message
 
     def is_known(self, key: str, message: Message, *, is_replay: bool) -> bool:
-        """Whether a message that was asked for has already come by itself, or the other way round."""
+        """Whether a message that was asked for has already come by itself, or the other way round.
+
+        So is what was sent before the one that was asked for, and comes after it: the answer has overtaken it.
+        """
         if not isinstance(message, Measurement):
             return False
+        now = message.seq, message.stamp_ns
         if not is_replay:
-            return self._replayed.pop(key, None) == (message.seq, message.stamp_ns)
+            asked = self._replayed.get(key)
+            if asked is not None and message.seq >= asked[0]:
+                del self._replayed[key]
+            return asked is not None and (now == asked or (message.seq < asked[0] and message.stamp_ns < asked[1]))
         traffic = self._keys.get(key)
         counter = traffic.sources.get(source_of(message)) if traffic is not None else None
         if counter is not None and counter.last_seq is not None and message.seq <= counter.last_seq:
             return True
-        self._replayed[key] = message.seq, message.stamp_ns
+        self._replayed[key] = now
         return False
 
     def snapshot(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from shared.errors import HyrecroError, SnapshotError
 from shared.messaging.messages import Event, Message, Severity
-from shared.runtime.node import Addressed, Memory, Node, Part
+from shared.runtime.node import Addressed, Memory, Node
 from shared.runtime.snapshots import Snapshots
 
 _LEAST_PERIOD = 50
@@ -29,7 +30,7 @@ class Keeper:
         self._memory, self._snapshots, self._service = memory, snapshots, service
         self._urgent = {name: part for name, part in memory.parts.items() if part.period_s == 0}
         self._others = {name: part for name, part in memory.parts.items() if part.period_s > 0}
-        self._due_s = {name: time.monotonic() + part.period_s for name, part in self._others.items()}
+        self._due_s = dict.fromkeys(self._others, 0.0)  # at once, when there is something to keep
         self._is_failing = False
 
     def recall(self) -> list[Message | Addressed]:
@@ -44,24 +45,24 @@ class Keeper:
 
     def before_said(self) -> list[Event]:
         """Keeps what nobody may hear of without its being kept; returns what to say of a failure, once."""
-        return self._keep(self._urgent.items())
+        states = {name: part.snapshot() for name, part in self._urgent.items()}
+        return self._keep({name: state for name, state in states.items() if state is not None})
 
     def after_said(self) -> list[Event]:
         """Keeps what it is time for."""
         now_s = time.monotonic()
         said: list[Event] = []
         for name, part in self._others.items():
-            if now_s >= self._due_s[name]:
-                said += self._keep([(name, part)])
+            if now_s >= self._due_s[name] and (state := part.snapshot()) is not None:
+                said += self._keep({name: state})
                 end_s = time.monotonic()
                 self._due_s[name] = now_s + max(part.period_s, _LEAST_PERIOD * (end_s - now_s))
         return said
 
-    def _keep(self, parts: Iterable[tuple[str, Part]]) -> list[Event]:
+    def _keep(self, states: Mapping[str, Any]) -> list[Event]:
         try:
-            for name, part in parts:
-                if (state := part.snapshot()) is not None:
-                    self._snapshots.write(name, state)
+            for name, state in states.items():
+                self._snapshots.write(name, state)
         except SnapshotError as error:
             was_failing, self._is_failing = self._is_failing, True
             return [] if was_failing else [_warning(self._service, f"its state is not kept: {error}")]

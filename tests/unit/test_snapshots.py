@@ -148,13 +148,22 @@ def test_what_is_not_usable_is_said_and_the_service_begins_afresh(tmp_path, spoi
     assert second.restored is None
 
 
-def test_a_part_with_a_period_waits_for_it(tmp_path):
+def test_a_part_with_a_period_is_kept_as_soon_as_there_is_something_and_then_waits(tmp_path):
     service = Service(tmp_path, period_s=3600.0)
+    service.state = None
     assert service.keeper.before_said() == service.keeper.after_said() == []
     assert list(tmp_path.iterdir()) == []
+    for seq in (3, 4):
+        service.state = clock(seq)
+        service.keeper.after_said()
+    service.keeper.recall()
+    assert service.restored.seq == 3
     often = Service(tmp_path, period_s=1e-9)
-    often.keeper.after_said()
-    assert often.keeper.recall() != []
+    for seq in (3, 4):
+        often.state = clock(seq)
+        often.keeper.after_said()
+    often.keeper.recall()
+    assert often.restored.seq == 4
 
 
 def test_a_folder_that_is_gone_is_told_once(tmp_path):

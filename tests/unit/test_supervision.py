@@ -61,7 +61,7 @@ def test_a_frozen_process_is_killed_and_back():
 
 
 def test_what_always_ends_is_given_up_with_its_last_words(tmp_path):
-    code = "import sys; print('warming up'); sys.exit('no magnets')"
+    code = "import sys; print('warming up', flush=True); sys.exit('no magnets')"
     path = tmp_path / "logs" / "child.log"
     with supervised(code, log_path=path) as child:
         now_s = 0.0

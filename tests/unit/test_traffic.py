@@ -66,6 +66,20 @@ def test_what_comes_by_itself_after_it_was_asked_for_is_known_once():
     assert not traffic.is_known("k", clock(8), is_replay=False)
 
 
+def test_what_an_answer_has_overtaken_is_known_and_so_is_the_answer_when_it_comes_by_itself():
+    traffic = Traffic()
+    assert not traffic.is_known("k", clock(2, 20), is_replay=True)
+    said = [traffic.is_known("k", clock(seq, 10 * seq), is_replay=False) for seq in (0, 1, 2, 3)]
+    assert said == [True, True, True, False]
+    assert not traffic.is_known("k", clock(1, 10), is_replay=False), "once it has come, numbers are as they are"
+
+
+def test_a_publisher_that_was_started_again_is_not_overtaken():
+    traffic = Traffic()
+    assert not traffic.is_known("k", clock(7, 70), is_replay=True)
+    assert not traffic.is_known("k", clock(0, 80), is_replay=False)
+
+
 def test_a_key_of_which_all_was_dropped_is_in_the_snapshot():
     assert counts(Traffic(), {"k": 9})["k"].num_dropped == 9
 
