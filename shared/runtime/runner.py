@@ -31,7 +31,7 @@ from shared.runtime.config import Config
 from shared.runtime.config_loading import DEFAULT_CONFIG, load_config
 from shared.runtime.exit_codes import Exit
 from shared.runtime.health import Traffic
-from shared.runtime.heap import give_back
+from shared.runtime.heap import give_back, share_arenas
 from shared.runtime.logs import configure_logs
 from shared.runtime.memory import Keeper, keeper_of
 from shared.runtime.node import Addressed, Context, Messages, Node
@@ -64,6 +64,7 @@ def run_service(name: str, build_node: BuildNode, arguments: argparse.Namespace 
     arguments = service_parser(name).parse_args() if arguments is None else arguments
     configure_logs(verbosity=arguments.verbosity, is_json=arguments.log_json)
     structlog.contextvars.bind_contextvars(service=name)
+    share_arenas()
     stop, pulse = StopSignal(), Pulse.from_environment()
     context = Context(clock_ns=time.monotonic_ns)
     exit_code = Exit.FINE
