@@ -105,6 +105,8 @@ def test_over_several_hosts_each_service_is_on_one_of_them():
     for part in get_args(Part):
         of_up = {name for group in services_of(load_config(), part) for name in group}
         assert {name for name, those in profiles.items() if those == [part]} == of_up, "as in `hyrecro up --part`"
+    assert hosts["router"]["command"].startswith("cli.main router "), "which joins again where Zenoh's own does not"
+    assert hosts["router"]["healthcheck"]["test"] == COMPOSE["services"]["sim"]["healthcheck"]["test"]
     assert list(hosts["router"]["ports"]) == ["${HYRECRO_LISTEN:-127.0.0.1}:7447:7447"], (
         "loopback unless told otherwise"
     )
