@@ -12,6 +12,8 @@ MAX_STARVED_S = 10.0
 """No pulse for so long from a process that is at work: on a machine with too much to do its pulse comes late."""
 READY_LIMIT_S = 60.0
 _BACK_OFF_S = (0.0, 0.5, 1.0, 2.0, 4.0)
+"""Of what fails soon after each start. What has worked for `_SETTLED_AFTER_S` is started again at once."""
+_SETTLED_AFTER_S = 10.0
 _WINDOW_S = 60.0
 _FORGIVEN_AFTER_S = 30.0
 
@@ -60,11 +62,12 @@ class RestartPolicy:
         """
         if exit_code == Exit.USAGE:
             return None
+        health_s = 0.0 if self._ready_s is None else now_s - self._ready_s
         if self._ready_s is not None:
-            is_forgiven = now_s - self._ready_s >= _FORGIVEN_AFTER_S
+            is_forgiven = health_s >= _FORGIVEN_AFTER_S
             self._restarts_s = [s for s in self._restarts_s if not is_forgiven and now_s - s < _WINDOW_S]
         if len(self._restarts_s) == len(_BACK_OFF_S):
             return None
-        at_s = now_s + _BACK_OFF_S[len(self._restarts_s)]
+        at_s = now_s + (0.0 if health_s >= _SETTLED_AFTER_S else _BACK_OFF_S[len(self._restarts_s)])
         self._restarts_s.append(at_s)
         return at_s
